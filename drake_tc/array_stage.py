@@ -6,6 +6,8 @@ numbers; those of a `StageSystem` are made from its `on_arrays`. A subclass that
 `on_arrays` of its own (`offered_stage`).
 
 `PortMethods`: `get_command_output_port()` and the like, for every port of a system by its name.
+
+Systems that compute several things in a tick list these as `InnerStage`, for the block graph.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -338,3 +340,29 @@ def _writer(solved: Any, where: IntArray) -> Callable[[Any, Any], None]:
         vector.set_value(solved.Eval(context)[part])
 
     return write
+
+
+INNER_STAGES = "inner_stages"
+"""Attribute of a system with such stages: a tuple of InnerStage. `RobustTsid` has one."""
+
+
+@dataclass(frozen=True)
+class InnerStage:
+    """One stage inside a system.
+
+    Attributes:
+        name: Name of the stage; unique in its system.
+        kind: What it is, in a few words or by its class.
+        inputs: Input to its source: the name of an input port of the system, or `STAGE.OUTPUT`.
+        outputs: Output to what it carries, such as `TaskRows`. An output with the name of an output port of the system
+            is that port.
+
+    Example:
+        >>> InnerStage("terms", "dynamics", {"state": "estimated_state"}, {"terms": "Terms"}).kind
+        'dynamics'
+    """
+
+    name: str
+    kind: str
+    inputs: Mapping[str, str]
+    outputs: Mapping[str, str]

@@ -1,9 +1,7 @@
-"""Types shared by every module. SI units throughout; samples come first, then joints.
+"""Types shared by every module: arrays, calls and tables for people. SI units; samples come first, then joints."""
 
-The acceleration of gravity.
-"""
-
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
@@ -18,3 +16,25 @@ Call: TypeAlias = Callable[[float], object]
 
 GRAVITY = 9.81
 """Drake's own [m/s^2]."""
+
+
+@dataclass(frozen=True)
+class TextTable:
+    """A table for people.
+
+    Attributes:
+        title: One line; empty for none.
+        headings: One a column; the first column has names, the others numbers.
+        rows: Texts.
+    """
+
+    title: str
+    headings: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+
+
+def text_rows(
+    names: Sequence[str], columns: Sequence[Sequence[float]], digits: str = ".3f"
+) -> tuple[tuple[str, ...], ...]:
+    """Rows of a TextTable: a name, then one number of each column."""
+    return tuple((name, *(format(column[i], digits) for column in columns)) for i, name in enumerate(names))

@@ -17,7 +17,7 @@ from drake_tc.cli.usage import LARGEST_SEED
 
 if TYPE_CHECKING:
     from drake_tc.report.figure_row import Reproduction
-    from drake_tc.text_table import TextTable
+    from drake_tc.types import TextTable
 
 
 def reproduce_command(

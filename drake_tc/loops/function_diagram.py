@@ -28,8 +28,7 @@ from drake_tc.loops.scenarios import ScenarioBase, changes_in
 from drake_tc.loops.simulated import RunPlot, Simulated, Tell, TimePanel, speed_line
 from drake_tc.loops.torque.scenario import TorqueLoopSpec
 from drake_tc.loops.torque.wiring import TorqueLoop
-from drake_tc.text_table import TextTable
-from drake_tc.types import FloatArray
+from drake_tc.types import FloatArray, TextTable
 
 
 @dataclass(frozen=True)

@@ -19,9 +19,8 @@ from drake_tc.loops.torque.stages import LoopDesign
 from drake_tc.loops.whole_body.running import TsidRecording, simulate_tsid, summarise_tsid, task_errors, write_tsid
 from drake_tc.loops.whole_body.scenario import TsidScenario
 from drake_tc.robot.plant import joint_limits
-from drake_tc.text_table import TextTable
 from drake_tc.tsid.law import Status
-from drake_tc.types import BoolArray, FloatArray
+from drake_tc.types import BoolArray, FloatArray, TextTable
 
 EVERY = 10
 """Ticks between two points of a task's error."""

@@ -11,7 +11,7 @@ from drake_tc.config.quoted import json_value
 from drake_tc.config.records import read_record
 from drake_tc.errors import ParamsError
 from drake_tc.loops.scenarios import read_mapping
-from drake_tc.text_table import TextTable
+from drake_tc.types import TextTable
 
 How = Literal["min", "max", "within"]
 

@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 from pydrake.systems.framework import Context
 
-from drake_tc.array_stage import Arrays, ArrayStage, StageSystem, places
+from drake_tc.array_stage import Arrays, ArrayStage, InnerStage, StageSystem, places
 from drake_tc.errors import SimulationError
-from drake_tc.inner_stages import InnerStage
 from drake_tc.tsid.law import Law
 from drake_tc.tsid.tick import TickInput, advance_tick, keep_tick, lost_tick
 from drake_tc.types import Call

@@ -9,7 +9,7 @@ import pytest
 
 from drake_tc import registry
 from drake_tc.report.figure_row import Expectation, Reproduction, reproduced_row
-from drake_tc.text_table import TextTable
+from drake_tc.types import TextTable
 
 ROWS = (
     reproduced_row("met [1]", 2.5, Expectation("met [1]", 2.0, "min", unit="N", source="Table 9")),

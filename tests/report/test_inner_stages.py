@@ -6,8 +6,8 @@ import pytest
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import Gain, LogVectorOutput
 
+from drake_tc.array_stage import InnerStage
 from drake_tc.errors import ParamsError
-from drake_tc.inner_stages import InnerStage
 from drake_tc.report.block_graph.graph import block_graph
 
 from .block_graph_diagrams import N, Stage

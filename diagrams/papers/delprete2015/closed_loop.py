@@ -25,8 +25,8 @@ from drake_tc.loops.whole_body.running import TsidRecording, contact_misses, joi
 from drake_tc.loops.whole_body.scenario import TsidScenario
 from drake_tc.report.figure_row import Progress, Reproduction, evaluated
 from drake_tc.robot.urdf_tree import read_urdf
-from drake_tc.text_table import TextTable
 from drake_tc.tsid.law import Status
+from drake_tc.types import TextTable
 
 RUNS = 20
 FORMS = ("classic", "individual", "rectangle", "box")

@@ -29,12 +29,11 @@ from drake_tc.diagrams.papers.delprete2015.simulation import Moment, Scene, foll
 from drake_tc.diagrams.papers.delprete2015.torque_safety import SAMPLES, TorqueSafety, cell, torque_safety
 from drake_tc.diagrams.papers.expected_values import expectations
 from drake_tc.report.figure_row import Progress, Reproduction, evaluated
-from drake_tc.text_table import TextTable
 from drake_tc.tsid.qp import solver
 from drake_tc.tsid.robust.measures import p_rect
 from drake_tc.tsid.robust.scaled import p_box, p_ind
 from drake_tc.tsid.tasks import ComTask
-from drake_tc.types import FloatArray
+from drake_tc.types import FloatArray, TextTable
 
 LEG = 1.6
 """Of each leg of the motion [s], as in the paper."""

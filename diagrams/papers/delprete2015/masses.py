@@ -28,9 +28,9 @@ from drake_tc.diagrams.papers.delprete2015.simulation import Moment, follow
 from drake_tc.diagrams.papers.delprete2015.torque_safety import MISSED, miss, torque_safety, wilson
 from drake_tc.diagrams.papers.expected_values import expectations
 from drake_tc.report.figure_row import Progress, Reproduction, evaluated
-from drake_tc.text_table import TextTable
 from drake_tc.tsid.limits import CapturePointLimit
 from drake_tc.tsid.model import TsidModel
+from drake_tc.types import TextTable
 
 MODELS = 100
 LEAST, MOST = 0.97, 1.03

@@ -35,11 +35,10 @@ from drake_tc.diagrams.papers.delprete2015.simulation import Moment, Scene, foll
 from drake_tc.diagrams.papers.delprete2015.torque_safety import TorqueSafety, cell, torque_safety
 from drake_tc.diagrams.papers.expected_values import expectations
 from drake_tc.report.figure_row import Progress, Reproduction, evaluated
-from drake_tc.text_table import TextTable
 from drake_tc.tsid.limits import CapturePointLimit, half_planes
 from drake_tc.tsid.model import TsidModel
 from drake_tc.tsid.tasks import FrameTask
-from drake_tc.types import FloatArray
+from drake_tc.types import FloatArray, TextTable
 
 HOLD = 1.0
 """That the hand stays at its goal [s]."""

@@ -17,8 +17,7 @@ from drake_tc.loops.torque.running import TorqueRecording, simulate_scenario
 from drake_tc.loops.torque.scenario import Scenario
 from drake_tc.registry import diagram_entry
 from drake_tc.report.figure_row import Progress, Reproduction, evaluated
-from drake_tc.text_table import TextTable, text_rows
-from drake_tc.types import BoolArray, FloatArray
+from drake_tc.types import BoolArray, FloatArray, TextTable, text_rows
 
 SOFT, STIFF = 0.1, 1.0
 """K6 of the paper's softest and stiffest column."""

@@ -12,8 +12,7 @@ from drake_tc.diagrams.papers.expected_values import expectations
 from drake_tc.loops.torque.running import TorqueRecording, estimated, simulate_scenario
 from drake_tc.registry import diagram_entry
 from drake_tc.report.figure_row import Progress, Reproduction, evaluated
-from drake_tc.text_table import TextTable, text_rows
-from drake_tc.types import BoolArray, FloatArray
+from drake_tc.types import BoolArray, FloatArray, TextTable, text_rows
 
 SETTLED = 3.0
 """The sine is evaluated from here on [s]: half a period after the force has risen."""

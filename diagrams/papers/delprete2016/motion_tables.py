@@ -11,8 +11,7 @@ from drake_tc.diagrams.papers.expected_values import expectations
 from drake_tc.loops.torque.running import TorqueRecording, simulate_scenario
 from drake_tc.registry import diagram_entry
 from drake_tc.report.figure_row import Progress, Reproduction, evaluated
-from drake_tc.text_table import TextTable, text_rows
-from drake_tc.types import FloatArray
+from drake_tc.types import FloatArray, TextTable, text_rows
 
 STIFFNESSES = (1.0, 0.5, 0.25, 0.1)
 """K6 of the paper's four columns."""

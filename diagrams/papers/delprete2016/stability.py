@@ -20,8 +20,7 @@ from drake_tc.loops.torque.scenario import Scenario
 from drake_tc.loops.torque.stages import loop_robot
 from drake_tc.report.figure_row import Progress, Reproduction, evaluated
 from drake_tc.robot.plant import make_plant
-from drake_tc.text_table import TextTable
-from drake_tc.types import FloatArray
+from drake_tc.types import FloatArray, TextTable
 
 MODELS = ("symmetric", "asymmetric")
 PUSHES: Mapping[str, float] = {

@@ -26,7 +26,7 @@ from drake_tc.loops.torque.scenario import Scenario
 from drake_tc.loops.torque.stages import actuator_models, loop_robot, sliding_scenario
 from drake_tc.registry import diagram_entry
 from drake_tc.report.figure_row import Progress, Reproduction, evaluated
-from drake_tc.text_table import TextTable
+from drake_tc.types import TextTable
 
 JOINT = "r_hip_yaw"
 WINDOWS = (20, 40, 80, 120)

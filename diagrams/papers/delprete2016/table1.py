@@ -23,7 +23,7 @@ from drake_tc.diagrams.papers.delprete2016.complete_model import (
 from drake_tc.diagrams.papers.delprete2016.identification import Experiment, linear_models, record_experiment
 from drake_tc.diagrams.papers.expected_values import expectations
 from drake_tc.report.figure_row import Progress, Reproduction, evaluated
-from drake_tc.text_table import TextTable
+from drake_tc.types import TextTable
 
 HIDDEN = ("deadzone", "velocity_sign_switch")
 RECORDING = 0.18

@@ -10,8 +10,7 @@ from drake_tc.loops.torque.scenario import Scenario
 from drake_tc.registry import diagram_entry
 from drake_tc.report.figure_row import Progress, Reproduction, evaluated
 from drake_tc.sensing.suite import SensorSuiteSpec
-from drake_tc.text_table import TextTable, text_rows
-from drake_tc.types import FloatArray
+from drake_tc.types import FloatArray, TextTable, text_rows
 
 MOTIONS = {"identify_motion": (1.0, 13.5), "stairs_swing": (0.75, 2.3)}
 """Scenario to the span in which it is evaluated [s]."""

@@ -16,7 +16,7 @@ from drake_tc.diagrams.papers.expected_values import expectations
 from drake_tc.loops.torque.scenario import Scenario
 from drake_tc.registry import diagram_entry
 from drake_tc.report.figure_row import Progress, Reproduction, evaluated
-from drake_tc.text_table import TextTable
+from drake_tc.types import TextTable
 
 BEGIN = 0.28
 """Errors of the brisk swing are taken from just before it begins [s]."""

@@ -20,9 +20,8 @@ from drake_tc.loops.whole_body.running import TsidRecording, contact_wrenches, s
 from drake_tc.loops.whole_body.scenario import TsidScenario
 from drake_tc.report.figure_row import Progress, Reproduction, evaluated
 from drake_tc.robot.plant import joint_limits
-from drake_tc.text_table import TextTable
 from drake_tc.tsid.law import Status
-from drake_tc.types import FloatArray
+from drake_tc.types import FloatArray, TextTable
 
 SCENARIOS = Path(__file__).parents[2] / "coman.scenario.yaml"
 FACTORS = (1.0, 1.5, 2.0, 3.0)

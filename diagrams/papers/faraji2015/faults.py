@@ -19,9 +19,8 @@ from drake_tc.loops.whole_body.scenario import SpringDrivesSpec, TsidScenario
 from drake_tc.report.figure_row import Progress, Reproduction, evaluated
 from drake_tc.robot.plant import joint_limits
 from drake_tc.sensor_validation.monitor_spec import bias_resolved_after
-from drake_tc.text_table import TextTable
 from drake_tc.tsid.law import Status
-from drake_tc.types import FloatArray
+from drake_tc.types import FloatArray, TextTable
 
 SCENARIOS = Path(__file__).parents[2] / "coman.scenario.yaml"
 FILE = "c_faults"

@@ -17,8 +17,7 @@ from drake_tc.loops.scenarios import PushSpec
 from drake_tc.loops.whole_body.running import TsidRecording, simulate_tsid
 from drake_tc.loops.whole_body.scenario import TsidScenario
 from drake_tc.report.figure_row import Progress, Reproduction, evaluated
-from drake_tc.text_table import TextTable
-from drake_tc.types import FloatArray
+from drake_tc.types import FloatArray, TextTable
 
 SCENARIOS = Path(__file__).parents[2] / "coman.scenario.yaml"
 OURS, DAMPED, STIFF = "whole-body torque control", "the same with joint damping", "stiff positions"

@@ -24,8 +24,7 @@ from drake_tc.loops.series_elastic.scenario import SeaScenario, sliding_sea
 from drake_tc.registry import sea_entry
 from drake_tc.report.figure_row import Progress, Reproduction, evaluated
 from drake_tc.report.plots.run_plot import draw_bode
-from drake_tc.text_table import TextTable, text_rows
-from drake_tc.types import FloatArray
+from drake_tc.types import FloatArray, TextTable, text_rows
 
 BAND = (2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0)
 """[Hz], the paper's."""

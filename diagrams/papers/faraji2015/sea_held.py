@@ -15,7 +15,7 @@ from drake_tc.loops.series_elastic.loop import SeaRecording, simulate_sea
 from drake_tc.loops.series_elastic.scenario import SeaScenario
 from drake_tc.registry import sea_entry
 from drake_tc.report.figure_row import Progress, Reproduction, evaluated
-from drake_tc.text_table import TextTable, text_rows
+from drake_tc.types import TextTable, text_rows
 
 MOVED = ((1.0, 2.2), (3.0, 4.2))
 """When the hand moves the joint at a constant speed, there and back [s]."""

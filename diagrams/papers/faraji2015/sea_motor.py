@@ -12,7 +12,7 @@ from drake_tc.identification.motor_prior import UNKNOWNS, MotorFit, identify_mot
 from drake_tc.loops.series_elastic.scenario import SeaScenario
 from drake_tc.registry import sea_entry
 from drake_tc.report.figure_row import Progress, Reproduction, evaluated
-from drake_tc.text_table import TextTable, text_rows
+from drake_tc.types import TextTable, text_rows
 
 JOINTS = ("r_knee", "r_shoulder_roll", "r_elbow")
 TRUE = {"torque_constant": 0.04, "back_emf": 0.04, "resistance": 0.6, "rotor_inertia": 1.2e-5, "gear_ratio": 100.0}

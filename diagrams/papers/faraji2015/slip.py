@@ -9,8 +9,7 @@ from drake_tc.diagrams.papers.faraji2015.motions import BASELINE, OURS, SCENARIO
 from drake_tc.loops.whole_body.running import TsidRecording, simulate_tsid
 from drake_tc.loops.whole_body.scenario import TsidScenario
 from drake_tc.report.figure_row import Progress, Reproduction, evaluated
-from drake_tc.text_table import TextTable, text_rows
-from drake_tc.types import FloatArray
+from drake_tc.types import FloatArray, TextTable, text_rows
 
 NOTES = (
     "Simulated: the turn at 0.5 Hz on a floor of friction 0.3 in place of 0.8, the controller knowing of 0.5; both"

@@ -7,7 +7,7 @@ from drake_tc.diagrams.papers.faraji2015.motions import SCENARIOS, BaseErrors, b
 from drake_tc.loops.whole_body.running import simulate_tsid
 from drake_tc.loops.whole_body.scenario import TsidScenario
 from drake_tc.report.figure_row import Progress, Reproduction, evaluated
-from drake_tc.text_table import TextTable, text_rows
+from drake_tc.types import TextTable, text_rows
 
 KNOWN = {
     "as it is": "{beside: foot_centre}",

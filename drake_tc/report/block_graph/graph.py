@@ -15,8 +15,8 @@ from typing import Any
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import Diagram, InputPortIndex, OutputPortIndex, PortDataType
 
+from drake_tc.array_stage import INNER_STAGES, InnerStage
 from drake_tc.errors import ParamsError
-from drake_tc.inner_stages import ATTRIBUTE, InnerStage
 from drake_tc.report.block_graph.pictures import dot, graph_json, mermaid, svg
 from drake_tc.report.block_graph.stages import TAG, Candidate, assign_stages, certain_stage
 from drake_tc.report.block_graph.view import VECTOR, Block, Edge, GraphData, Port, Terminal, Update, view
@@ -189,7 +189,7 @@ def block_graph(diagram: Diagram, stages: Mapping[str, str] | None = None, depth
         tuple(Terminal(Port(p.get_name(), p.size(), _input_type(p)), to) for p, to in inputs),
         tuple(Terminal(Port(p.get_name(), p.size(), _output_type(p)), of) for p, of in outputs),
     )
-    named = {leaf.path: tuple(getattr(leaf.system, ATTRIBUTE, ())) for leaf in leaves}
+    named = {leaf.path: tuple(getattr(leaf.system, INNER_STAGES, ())) for leaf in leaves}
     return _with_inner_stages(graph, {path: inside for path, inside in named.items() if inside})
 
 
