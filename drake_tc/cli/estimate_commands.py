@@ -8,14 +8,16 @@
 import json
 import sys
 from contextlib import nullcontext
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import typer
 
-from drake_tc.cli.out_files import Force, result_folder
-from drake_tc.cli.terminal import UnusedSeed, print_wide, progress_bar
+from drake_tc.cli.options import Force, UnusedSeed
+from drake_tc.cli.out_files import result_folder
+from drake_tc.cli.terminal import print_wide, progress_bar
 from drake_tc.config.quoted import json_value
 from drake_tc.errors import RigError
 
@@ -23,23 +25,28 @@ if TYPE_CHECKING:
     from drake_tc.estimation.base.evaluate import BaseResult
     from drake_tc.estimation.off_line import OffLineFilter
     from drake_tc.estimation.robot_loads import RobotLogs
-    from drake_tc.filtering.window_choice import Window
+    from drake_tc.filtering.savitzky_golay import Window
     from drake_tc.logs.record import Run
     from drake_tc.logs.rig import Rig
 
 
-def estimate_torque_command(
-    rig: Annotated[Path, typer.Option(help="Rig file with `robot:` and `load: {robot: ...}`.")],
-    log: Annotated[list[Path], typer.Option(help="A log; repeat for more.")],
-    out: Annotated[Path, typer.Option(help="Folder for LOG_torque.csv with the columns time and JOINT/torque [N m].")],
+@dataclass(frozen=True, kw_only=True)
+class TorqueOptions:
+    """Options of `drake-tc estimate-torque`."""
+
+    rig: Annotated[Path, typer.Option(help="Rig file with `robot:` and `load: {robot: ...}`.")]
+    log: Annotated[list[Path], typer.Option(help="A log; repeat for more.")]
+    out: Annotated[Path, typer.Option(help="Folder for LOG_torque.csv with the columns time and JOINT/torque [N m].")]
     links: Annotated[
         Path | None,
         typer.Option(help="model_after.yaml that close-loop wrote with `load: {robot: fitted}`: the fitted links."),
-    ] = None,
-    force: Force = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print files, filters and torque ranges as JSON.")] = False,
-    seed: UnusedSeed = 0,
-) -> None:
+    ] = None
+    force: Force = False
+    as_json: Annotated[bool, typer.Option("--json", help="Print files, filters and torque ranges as JSON.")] = False
+    seed: UnusedSeed = 0
+
+
+def estimate_torque_command(options: TorqueOptions) -> None:
     """Estimate joint torques behind the gears from encoders, IMU, F/T sensors and the robot's model.
 
     The estimate is that of close-loop, with windows chosen from each log's noise and bandwidth. In addition the
@@ -58,9 +65,10 @@ def estimate_torque_command(
     from drake_tc.logs.record import distinct_notes
     from drake_tc.logs.rig import load_rig
 
+    rig, log, out, links = options.rig, options.log, options.out, options.links
     what = load_rig(rig)
-    place = result_folder(out, "--out", inputs=[rig, *log], force=force)
-    with place as folder, progress_bar("estimate-torque", quiet=as_json) as progress:
+    place = result_folder(out, "--out", inputs=[rig, *log], force=options.force)
+    with place as folder, progress_bar("estimate-torque", quiet=options.as_json) as progress:
         progress("reading", 0.0)
         runs = load_runs(log, what)
         logs = robot_logs(what, runs)
@@ -78,7 +86,7 @@ def estimate_torque_command(
         entry["file"] = str(out / str(entry["file"]))
     for note in distinct_notes((run.name, note) for run in runs for note in run.notes):
         print(f"estimate-torque: {note}", file=sys.stderr)
-    if as_json:
+    if options.as_json:
         print(json.dumps(json_value({"name": "estimate-torque", "rig": str(rig), "logs": entries})))
     else:
         print("\n".join(str(entry["file"]) for entry in entries))
@@ -123,14 +131,19 @@ _ROWS = ("x, m", "y, m", "z, m", "roll, deg", "pitch, deg", "yaw, deg", "vx, m/s
 FILES = ("estimate.csv", "estimate.json")
 
 
-def estimate_base_command(
-    rig: Annotated[Path, typer.Option(help="Rig file: robot, contacts, columns.")],
-    log: Annotated[Path, typer.Option(help="A log: CSV, Parquet, NPZ, MAT, JSON, LeRobot, MCAP or a ROS bag.")],
-    out: Annotated[Path | None, typer.Option(help="Folder for estimate.csv and estimate.json.")] = None,
-    force: Force = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")] = False,
-    seed: UnusedSeed = 0,
-) -> None:
+@dataclass(frozen=True, kw_only=True)
+class BaseOptions:
+    """Options of `drake-tc estimate-base`."""
+
+    rig: Annotated[Path, typer.Option(help="Rig file: robot, contacts, columns.")]
+    log: Annotated[Path, typer.Option(help="A log: CSV, Parquet, NPZ, MAT, JSON, LeRobot, MCAP or a ROS bag.")]
+    out: Annotated[Path | None, typer.Option(help="Folder for estimate.csv and estimate.json.")] = None
+    force: Force = False
+    as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")] = False
+    seed: UnusedSeed = 0
+
+
+def estimate_base_command(options: BaseOptions) -> None:
     """Estimate base position, yaw and velocity from encoders, IMU and contact loads.
 
     Where the log has the true motion, the RMS errors are printed.
@@ -138,21 +151,22 @@ def estimate_base_command(
     from drake_tc.estimation.base.evaluate import evaluate_log
     from drake_tc.estimation.base.rig import load_base_rig
 
+    rig, log, out, force = options.rig, options.log, options.out, options.force
     what = load_base_rig(rig)
     place = nullcontext() if out is None else result_folder(out, "--out", names=FILES, inputs=[rig, log], force=force)
-    with place as folder, progress_bar("estimate-base", quiet=as_json) as progress:
+    with place as folder, progress_bar("estimate-base", quiet=options.as_json) as progress:
         result = evaluate_log(what, log, progress)
         document = json_value({"name": "estimate-base", "rig": str(rig), "log": str(log), **result.to_json()})
         if folder is not None:
             result.table().to_csv(folder / FILES[0], index=False)
             (folder / FILES[1]).write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
-    if as_json:
+    if options.as_json:
         print(json.dumps(document))
     else:
         _print(result)
     for note in result.notes:
         print(f"estimate-base: {log}: {note}", file=sys.stderr)
-    if out is not None and not as_json:
+    if out is not None and not options.as_json:
         print(out / FILES[0])
 
 

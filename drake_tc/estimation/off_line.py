@@ -10,8 +10,7 @@ import numpy as np
 
 from drake_tc.errors import LogError
 from drake_tc.estimation.torque_model import MeasuredMotion, TorqueModel
-from drake_tc.filtering.savitzky_golay import smooth
-from drake_tc.filtering.window_choice import Window, choose_window
+from drake_tc.filtering.savitzky_golay import Window, choose_window, smooth
 from drake_tc.types import FloatArray
 
 

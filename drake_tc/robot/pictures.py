@@ -24,8 +24,7 @@ from pydrake.multibody.tree import ModelInstanceIndex
 
 from drake_tc.errors import ParamsError
 from drake_tc.robot.robot import Robot
-from drake_tc.robot.urdf_checks import numbers
-from drake_tc.robot.urdf_tree import read_urdf
+from drake_tc.robot.urdf_tree import numbers, read_urdf
 from drake_tc.simulator_files.urdf import resolve
 from drake_tc.types import FloatArray, IntArray
 

@@ -12,7 +12,7 @@ import yaml
 from drake_tc.cli.main import run
 from drake_tc.estimation.off_line import OffLineFilter, estimate_log
 from drake_tc.estimation.robot_loads import robot_logs
-from drake_tc.filtering.window_choice import Window
+from drake_tc.filtering.savitzky_golay import Window
 from drake_tc.logs.prepare import load_run
 from drake_tc.logs.rig import load_rig
 from drake_tc.loops.recording import write_log

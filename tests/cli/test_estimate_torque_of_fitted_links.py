@@ -8,8 +8,7 @@ from fitted_arm import JOINTS, URDF, record, rig_file, torques
 from robot_files import write_robot
 
 from drake_tc.cli.main import run
-from drake_tc.robot.link_parameters import link_model
-from drake_tc.robot.rigid_regressor import LINK_PARAMETERS
+from drake_tc.robot.rigid_regressor import LINK_PARAMETERS, link_model
 from drake_tc.robot.robot import load_robot
 
 HEAVIER = URDF.replace('mass value="1.2"', 'mass value="1.5"')

@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from drake_tc.errors import RigError
-from drake_tc.estimation.coupled_gears import at_motors, motor_loads, motor_turns
+from drake_tc.estimation.robot_loads import at_motors, motor_loads, motor_turns
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import parse_rig
 

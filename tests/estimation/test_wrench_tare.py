@@ -8,8 +8,8 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
 
 from drake_tc.errors import ParamsError
+from drake_tc.estimation.joint_torque import WrenchTare
 from drake_tc.estimation.torque_model import TorqueModel
-from drake_tc.estimation.wrench_tare import WrenchTare
 from drake_tc.sensing.sensor import Sensor
 from drake_tc.sensing.spec import SensorSpec
 

@@ -14,8 +14,8 @@ from drake_tc.errors import ParamsError
 from drake_tc.experiments.design.robot import RobotOptions, _sentences, design_robot, robot_limits
 from drake_tc.experiments.design.robot_goal import Determinant, RelativeIntervals, RobotNoise, robot_goal
 from drake_tc.experiments.design.robot_search import Collisions
-from drake_tc.robot.link_parameters import link_model
 from drake_tc.robot.plant import add_robot, joint_limits
+from drake_tc.robot.rigid_regressor import link_model
 from drake_tc.robot.robot import load_robot
 
 QUICK = RobotOptions(duration=10.0, starts=1, iterations=12, distance=0.02)

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from drake_tc.filtering.savitzky_golay import smooth
-from drake_tc.filtering.window_choice import ORDERS, Window, choose_window
+from drake_tc.filtering.savitzky_golay import ORDERS, Window, choose_window, smooth
 
 PERIOD = 2e-3
 TIME = np.arange(6000) * PERIOD

@@ -15,8 +15,8 @@ from drake_tc.errors import ParamsError
 from drake_tc.estimation.disturbance_observer import JointInertia
 from drake_tc.estimation.off_line import torques_of_motion
 from drake_tc.estimation.torque_model import TorqueModel
-from drake_tc.robot.link_parameters import link_model
 from drake_tc.robot.plant import make_plant
+from drake_tc.robot.rigid_regressor import link_model
 from drake_tc.robot.robot import load_robot
 
 from .robots import ARM, robot_file

@@ -8,9 +8,8 @@ from robot_files import joint_tag, link_tag, urdf, write_robot
 
 from drake_tc.errors import ParamsError
 from drake_tc.identification.regression import base_combinations
-from drake_tc.robot.link_parameters import LIGHTEST, PAYLOAD_SIZE, UNITS, link_model
 from drake_tc.robot.plant import make_plant
-from drake_tc.robot.rigid_regressor import LINK_PARAMETERS
+from drake_tc.robot.rigid_regressor import LIGHTEST, LINK_PARAMETERS, PAYLOAD_SIZE, UNITS, link_model
 from drake_tc.robot.robot import load_robot
 
 TOOL_ANGLE, TOOL_MASS, TOOL_COM = 0.7, 0.4, 0.05

@@ -23,7 +23,7 @@ from drake_tc.diagnosis.data.sliding import choose_rows, covered, direction_of_m
 from drake_tc.diagnosis.notes import ScaleNote, ScaleOfRotorInertia, TorqueAsCommanded, TorqueAsEffort
 from drake_tc.effects.base import Context, Signals
 from drake_tc.effects.context import LoadKind
-from drake_tc.estimation.coupled_gears import ACCELERATION
+from drake_tc.estimation.robot_loads import ACCELERATION
 from drake_tc.filtering.common_kernel import CommonKernel
 from drake_tc.logs.loads import Load, Pendulum, RobotLoad, unknown_form
 from drake_tc.logs.record import Run

@@ -8,7 +8,7 @@ import numpy as np
 from drake_tc.diagnosis.problem.parameters import Estimate
 from drake_tc.diagnosis.shared.causes import AXES, LINK_PARAMETERS_ID, PAYLOAD_ID, Cause
 from drake_tc.identification.regression import base_combinations
-from drake_tc.robot.link_parameters import LinkModel
+from drake_tc.robot.rigid_regressor import LinkModel
 from drake_tc.types import FloatArray, IntArray
 
 SEEN = 2000

@@ -18,7 +18,7 @@ from drake_tc.diagnosis.shared.timing import LinkMomenta
 from drake_tc.diagnosis.split import rate_inside
 from drake_tc.effects.common_delay import CommonDelay
 from drake_tc.effects.delay import DELAY_RANGE
-from drake_tc.estimation.coupled_gears import at_motors
+from drake_tc.estimation.robot_loads import at_motors
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
 from drake_tc.types import FloatArray, IntArray

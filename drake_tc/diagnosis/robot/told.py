@@ -24,7 +24,7 @@ from drake_tc.diagnosis.shared.causes import Cause
 from drake_tc.estimation.robot_loads import RobotLogs
 from drake_tc.logs.loads import RobotLoad
 from drake_tc.logs.rig import Rig
-from drake_tc.robot.link_parameters import LinkModel
+from drake_tc.robot.rigid_regressor import LinkModel
 from drake_tc.types import FloatArray
 
 

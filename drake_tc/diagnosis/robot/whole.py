@@ -30,11 +30,10 @@ from drake_tc.diagnosis.shared.causes import Cause
 from drake_tc.diagnosis.shared.columns_of_runs import columns_over
 from drake_tc.diagnosis.shared.timing import momenta_over
 from drake_tc.diagnosis.thresholds import HELD_FROM_PERIOD
-from drake_tc.estimation.coupled_gears import motor_turns
-from drake_tc.estimation.robot_loads import RobotLogs, with_robot_loads
+from drake_tc.estimation.robot_loads import RobotLogs, motor_turns, with_robot_loads
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
-from drake_tc.robot.link_parameters import link_model
+from drake_tc.robot.rigid_regressor import link_model
 from drake_tc.types import FloatArray
 
 PASSES = 4

@@ -24,13 +24,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
-from drake_tc.estimation.coupled_gears import motor_loads
-from drake_tc.estimation.robot_loads import RobotLogs, filters_of, usable_stretches
+from drake_tc.estimation.robot_loads import RobotLogs, filters_of, motor_loads, usable_stretches
 from drake_tc.filtering.savitzky_golay import smooth
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
-from drake_tc.robot.link_parameters import LinkModel
-from drake_tc.robot.rigid_regressor import LINK_PARAMETERS
+from drake_tc.robot.rigid_regressor import LINK_PARAMETERS, LinkModel
 from drake_tc.types import BoolArray, FloatArray, IntArray
 
 MOST_ROWS = 600

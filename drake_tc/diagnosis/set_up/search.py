@@ -31,7 +31,7 @@ from drake_tc.estimation.robot_loads import RobotLogs
 from drake_tc.logs.loads import RobotLoad
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
-from drake_tc.robot.link_parameters import LinkModel
+from drake_tc.robot.rigid_regressor import LinkModel
 from drake_tc.types import BoolArray, FloatArray
 
 MUCH = 0.1

@@ -11,8 +11,7 @@ from drake_tc.diagnosis.shared.cause_columns import alignment_columns, gain_colu
 from drake_tc.estimation.robot_loads import RobotLogs
 from drake_tc.logs.loads import RobotLoad
 from drake_tc.logs.rig import Rig
-from drake_tc.robot.link_parameters import UNITS, link_model
-from drake_tc.robot.rigid_regressor import LINK_PARAMETERS
+from drake_tc.robot.rigid_regressor import LINK_PARAMETERS, UNITS, link_model
 from drake_tc.types import BoolArray, FloatArray
 
 GRID_SECONDS = 0.01

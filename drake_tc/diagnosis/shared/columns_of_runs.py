@@ -18,12 +18,11 @@ from drake_tc.diagnosis.shared.causes import GRID_SECONDS, CauseColumns, Piece, 
 from drake_tc.errors import RigError
 from drake_tc.estimation.off_line import OffLineFilter, Row, smoothed
 from drake_tc.estimation.robot_loads import RobotLogs, filters_of, smoothed_motion, usable_stretches
-from drake_tc.filtering.window_choice import Window
+from drake_tc.filtering.savitzky_golay import Window
 from drake_tc.logs.loads import RobotLoad
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
-from drake_tc.robot.link_parameters import LinkModel, link_model
-from drake_tc.robot.rigid_regressor import LINK_PARAMETERS
+from drake_tc.robot.rigid_regressor import LINK_PARAMETERS, LinkModel, link_model
 from drake_tc.types import BoolArray, FloatArray, IntArray
 
 COLUMN_WINDOWS = 3

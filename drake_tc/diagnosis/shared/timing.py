@@ -29,7 +29,7 @@ from drake_tc.errors import IdentificationError
 from drake_tc.estimation.robot_loads import RobotLogs, smoothed_motion
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
-from drake_tc.robot.link_parameters import LinkModel
+from drake_tc.robot.rigid_regressor import LinkModel
 from drake_tc.types import FloatArray, IntArray
 
 STEP = 1e-3

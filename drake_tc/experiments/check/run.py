@@ -16,8 +16,7 @@ from threadpoolctl import threadpool_limits
 from drake_tc.config.quoted import json_value
 from drake_tc.diagnosis.problem.prepared import prepare_joint
 from drake_tc.errors import IdentificationError
-from drake_tc.estimation.coupled_gears import at_motors, motor_turns
-from drake_tc.estimation.robot_loads import robot_logs, with_robot_loads
+from drake_tc.estimation.robot_loads import at_motors, motor_turns, robot_logs, with_robot_loads
 from drake_tc.experiments.check.consistency import Finding, findings
 from drake_tc.experiments.check.delays import late_columns
 from drake_tc.experiments.check.effects import JointEffects, Visibility, by_reason, joint_effects

@@ -57,8 +57,8 @@ from drake_tc.experiments.fitted import moving_seconds
 from drake_tc.logs.prepare import in_order
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
-from drake_tc.robot.link_parameters import link_model
 from drake_tc.robot.plant import joint_limits
+from drake_tc.robot.rigid_regressor import link_model
 from drake_tc.robot.robot import Robot
 from drake_tc.robot.urdf_tree import read_urdf
 from drake_tc.types import FloatArray

@@ -27,7 +27,7 @@ import numpy as np
 
 from drake_tc.experiments.design.motions import JointLimits
 from drake_tc.identification.regression import independent_columns
-from drake_tc.robot.link_parameters import LinkModel
+from drake_tc.robot.rigid_regressor import LinkModel
 from drake_tc.types import FloatArray, IntArray
 
 CriterionName = Literal["intervals", "D", "E"]

@@ -32,9 +32,8 @@ from drake_tc.control.torque_control import TorqueControl
 from drake_tc.errors import ParamsError
 from drake_tc.estimation.delay_predictor import DelayPredictor
 from drake_tc.estimation.disturbance_observer import DisturbanceObserver, ObserverSpec
-from drake_tc.estimation.joint_torque import JointTorqueEstimator
+from drake_tc.estimation.joint_torque import JointTorqueEstimator, WrenchTare
 from drake_tc.estimation.torque_model import BaseSource, TorqueModel
-from drake_tc.estimation.wrench_tare import WrenchTare
 from drake_tc.filtering.savitzky_golay import SavitzkyGolayFilter
 from drake_tc.loops.loop_builder import LoopBuilder, first_imu, picked, product, total
 from drake_tc.loops.scenarios import ModelFactors

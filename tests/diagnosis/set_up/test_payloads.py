@@ -12,7 +12,7 @@ from drake_tc.estimation.robot_loads import robot_logs
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.rig import load_rig
 from drake_tc.report.notes import set_up_json, set_up_sentences
-from drake_tc.robot.link_parameters import link_model
+from drake_tc.robot.rigid_regressor import link_model
 from drake_tc.robot.robot import load_robot
 
 KNOWN = {"robot": "inverse_dynamics"}

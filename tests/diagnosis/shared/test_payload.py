@@ -11,7 +11,7 @@ from drake_tc.diagnosis.shared.columns_of_runs import payload_of
 from drake_tc.errors import RigError
 from drake_tc.logs.loads import RobotLoad
 from drake_tc.logs.rig import parse_rig, rig_document
-from drake_tc.robot.link_parameters import link_model
+from drake_tc.robot.rigid_regressor import link_model
 from drake_tc.robot.robot import load_robot
 
 LINK = """<link name="{0}"><inertial><mass value="1"/>
