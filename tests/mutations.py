@@ -51,9 +51,7 @@ FAULTS = {
     ),
     "friction-cone": Fault("tsid/limits.py", "math.sqrt(0.5) if pyramid", "1.0 if pyramid", ("tsid",)),
     "pressure": Fault("tsid/limits.py", "(4, 1.0, -x_min,", "(4, 1.0, x_min,", ("tsid",)),
-    "feedback": Fault(
-        "kernels/inverse_dynamics.py", "out[j] + (out[2 * n + j]", "out[j] - (out[2 * n + j]", ("control",)
-    ),
+    "feedback": Fault("kernels/joint_torque.py", "out[j] + (out[2 * n + j]", "out[j] - (out[2 * n + j]", ("control",)),
     "spring": Fault(
         "estimation/link_position.py", "(deflection - held[:n])", "(deflection + held[:n])", ("estimation",)
     ),

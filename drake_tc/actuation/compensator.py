@@ -26,7 +26,7 @@ from drake_tc.actuation.model import ActuatorModel, split_parts, term_tables
 from drake_tc.effects.base import DriveEffect, Signals, plain_signals
 from drake_tc.effects.kernel import EquationKernel
 from drake_tc.errors import ParamsError
-from drake_tc.kernels import compensation_layout as at
+from drake_tc.kernels import torque_equations as at
 from drake_tc.kernels.calls import Kernel
 from drake_tc.kernels.equations import needed_torque, soft_sign
 from drake_tc.kernels.joint_layout import INTERPRETED
@@ -146,7 +146,7 @@ class Compensator:
 
     @property
     def tables(self) -> tuple[FloatArray, FloatArray, IntArray, FloatArray]:
-        """The tables of `drake_tc.kernels.compensation_layout`; the largest torques are infinite."""
+        """The tables of `drake_tc.kernels.torque_equations`; the largest torques are infinite."""
         joints, inverses, terms, values = self._tables
         return joints.copy(), inverses.copy(), terms.copy(), values.copy()
 

@@ -23,7 +23,7 @@ from drake_tc.robot.robot import Robot
 from drake_tc.robot.tree import in_order, tree_of
 from drake_tc.types import GRAVITY, FloatArray
 
-_JOINT_FORCES = Kernel("inverse_dynamics", "joint_forces")
+_JOINT_FORCES = Kernel("joint_torque", "joint_forces")
 
 
 class DynamicsTerms:
@@ -79,7 +79,7 @@ class DynamicsTerms:
         return out
 
     def base(self, scratch: "Scratch") -> FloatArray:
-        """(19,) how the base moves, see `drake_tc.kernels.inverse_dynamics.joint_forces`: not at all."""
+        """(19,) how the base moves, see `drake_tc.kernels.joint_torque.joint_forces`: not at all."""
         return self._still
 
     def jacobian(self, scratch: "Scratch") -> FloatArray:
@@ -149,7 +149,7 @@ class FloatingTerms(DynamicsTerms):
         scratch.rate = state[first : first + 3].copy()
 
     def base(self, scratch: Scratch) -> FloatArray:
-        """(19,) how the base moves as `carry` had it, see `drake_tc.kernels.inverse_dynamics.joint_forces`."""
+        """(19,) how the base moves as `carry` had it, see `drake_tc.kernels.joint_torque.joint_forces`."""
         base = np.zeros(19)
         base[0], base[7:10], base[13:] = 1.0, scratch.rate, scratch.acceleration
         return base

@@ -20,7 +20,7 @@ from drake_tc.types import Call, FloatArray
 Source = Literal["estimate", "reference"]
 PositionSource = Literal["estimate", "encoder"]
 
-_MOTION_TORQUE = Kernel("inverse_dynamics", "motion_torque")
+_MOTION_TORQUE = Kernel("joint_torque", "motion_torque")
 TERMS = ("feedforward", "position", "velocity", "force", "acceleration_error", "force_error")
 """Names of the rows of `torque_terms`."""
 

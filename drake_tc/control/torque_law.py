@@ -13,8 +13,7 @@ import numpy as np
 from drake_tc.actuation.compensator import Compensator
 from drake_tc.errors import ParamsError
 from drake_tc.kernels.calls import SOLVE, Kernel, KernelCall
-from drake_tc.kernels.compensation_layout import LIMIT, SERVO
-from drake_tc.kernels.torque_equations import REFERENCE_CELSIUS, JointState
+from drake_tc.kernels.torque_equations import LIMIT, REFERENCE_CELSIUS, SERVO, JointState
 from drake_tc.types import FloatArray
 
 Source = Literal["estimate", "reference"]

@@ -27,8 +27,8 @@ from drake_tc.control.torque_law import CompensationSpec
 from drake_tc.errors import ParamsError
 from drake_tc.estimation.joint_torque import LARGEST
 from drake_tc.filtering.savitzky_golay import delay, savgol_weights
-from drake_tc.kernels import compensation_layout as at
 from drake_tc.kernels import equations as scalar
+from drake_tc.kernels import torque_equations as at
 from drake_tc.kernels.guard import COMPLETE, UNTRUSTED
 from drake_tc.kernels.guard import LARGEST as MOST
 from drake_tc.kernels.joint_layout import DEAD_ZONE, TERM_END, TERM_FIRST, TERM_KIND

@@ -46,8 +46,7 @@ from drake_tc.kernels.compiling import OUT_VECTOR, REAL, TABLE, VECTOR, helper, 
 from drake_tc.kernels.fault_monitor import raise_flags
 from drake_tc.kernels.filters import advance as filtered
 from drake_tc.kernels.guard import step
-from drake_tc.kernels.inverse_dynamics import motion_torque
-from drake_tc.kernels.joint_torque import estimate
+from drake_tc.kernels.joint_torque import estimate, motion_torque
 from drake_tc.kernels.joint_voting import remember, vote
 from drake_tc.kernels.sensors import imu, reading, wrenches
 from drake_tc.kernels.series_elastic import law

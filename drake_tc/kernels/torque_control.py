@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from drake_tc.kernels import compensation_layout as at
 from drake_tc.kernels import equations
+from drake_tc.kernels import torque_equations as at
 from drake_tc.kernels.compiling import INDEX, MATRIX, OUT_VECTOR, REAL, TABLE, VECTOR, helper, kernel, together
 from drake_tc.kernels.joint_layout import DEAD_ZONE, TERM_END, TERM_FIRST, TERM_KIND
 from drake_tc.kernels.torque_equations import REFERENCE_CELSIUS, JointState
@@ -20,7 +20,7 @@ _needed_torque, _soft_sign = helper(equations.needed_torque), helper(equations.s
 
 
 TABLES = together(MATRIX, MATRIX, TABLE, VECTOR)
-"""Of all joints, see `compensation_layout`."""
+"""Of all joints, see `torque_equations`."""
 
 
 @helper

@@ -6,6 +6,12 @@ rest [N m]) of
     torque = level direction + damping v + rest
 
 from the joint's state s and the effect's numbers n. Each part of the state, and each of the numbers, may be an array.
+
+Places in the tables of n joints' feedforward; imports nothing, so that tables are built without Numba.
+
+`joints` (n, 14) has a row a joint, `inverses` (I, 2) the kind (`joint_layout`) and the parameter of each drive effect
+that is undone, in this order, `terms` (E, 4) each torque effect (`joint_layout`), `values` the numbers of these; those
+of the first joint first.
 """
 
 from collections.abc import Callable
@@ -150,3 +156,11 @@ EQUATIONS: tuple[Callable[..., Any], ...] = (
     LOAD_SHARE,
 ) = range(len(EQUATIONS))
 """Kinds of torque effects."""
+
+
+GAIN, LEVEL, DAMPING, REST, INERTIA, COMPLIANCE, HALF_GAP, SMOOTHING, INVERSES, INVERSES_END, LIMIT, SERVO = range(12)
+"""K; constant parts of the effects; J; lead of a servo over a soft gear and its play; width of smoothed jumps; rows of
+its inverses; largest torque; 1 for a position servo."""
+TERMS, TERMS_END = 12, 13
+"""Rows of its torque effects."""
+COLUMNS = 14

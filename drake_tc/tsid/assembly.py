@@ -151,7 +151,7 @@ def polytope_of(limits: Sequence[LimitRows], causes: AffineMap) -> Polytope:
     return Polytope(over[:, :-1].copy(), lower, upper, groups, labels, bounds)
 
 
-_CAUSES = Kernel("tsid.reduction", "causes")
+_CAUSES = Kernel("tsid.terms", "causes")
 
 
 @dataclass(frozen=True, eq=False)

@@ -44,7 +44,7 @@ from drake_tc.tsid.robust.scaled import ScaledProblem, scaled
 from drake_tc.tsid.rows import LimitRows, TaskRows, Terms
 from drake_tc.types import FloatArray
 
-_RESPONSE = Kernel("tsid.reduction", "response")
+_RESPONSE = Kernel("tsid.terms", "response")
 
 
 class Tick(NamedTuple):

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy.special import log_ndtr, ndtr
 
-from drake_tc.kernels.tsid.gaussian import CEILING, curvature_of, hazard, interval_density, interval_risk, log_cdf
+from drake_tc.kernels.tsid.programs import CEILING, curvature_of, hazard, interval_density, interval_risk, log_cdf
 
 getcontext().prec = 150
 PI = Decimal(

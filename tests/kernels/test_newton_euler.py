@@ -13,7 +13,7 @@ from drake_tc.kernels.calls import Kernel
 from drake_tc.robot.robot import load_robot
 from drake_tc.robot.tree import in_order, tree_of
 
-JOINT_FORCES = Kernel("inverse_dynamics", "joint_forces")
+JOINT_FORCES = Kernel("joint_torque", "joint_forces")
 MODELS = Path(drake_tc.models.__file__).parent / "hrp2_like"
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from drake_tc.kernels.tsid.reduction import RANK_KEPT, RANK_LOST
+from drake_tc.kernels.tsid.terms import RANK_KEPT, RANK_LOST
 from drake_tc.robot.fields import Mount, Pose
 from drake_tc.tsid.assembly import causes_of, reduce
 from drake_tc.tsid.contacts import Contact

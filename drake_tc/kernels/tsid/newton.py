@@ -28,14 +28,15 @@ from drake_tc.kernels.tsid.active_set import (
     promise,
     solve_with,
 )
-from drake_tc.kernels.tsid.gaussian import CEILING, curvature_of
 from drake_tc.kernels.tsid.programs import (
+    CEILING,
     PLAIN,
     RECTANGLE,
     RISK_DAMPING,
     SIDE_DAMPING,
     Point,
     Program,
+    curvature_of,
     gradient_into,
     hessian_into,
     point_of,

@@ -11,10 +11,9 @@ import numpy as np
 
 from drake_tc.kernels.compiling import INDEX, MATRIX, TABLE, VECTOR, inlined, kernel, together
 from drake_tc.kernels.linear_algebra import inverse_factor
-from drake_tc.kernels.tsid.reduction import causes
 from drake_tc.kernels.tsid.rows import Body, Given, reduced_limits, reduced_tasks
 from drake_tc.kernels.tsid.scaling import scaled
-from drake_tc.kernels.tsid.terms import ROBOT, terms
+from drake_tc.kernels.tsid.terms import ROBOT, causes, terms
 from drake_tc.types import FloatArray, IntArray
 
 FOUND, NO_POSE, LOST = 0, 1, 2

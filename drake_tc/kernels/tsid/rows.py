@@ -12,8 +12,7 @@ import numpy as np
 
 from drake_tc.kernels.compiling import INDEX, MATRIX, REAL, VECTOR, WHOLE, helper, inlined, kernel, together
 from drake_tc.kernels.dynamics import product_into, rotate_into, rotation_of_quaternion
-from drake_tc.kernels.tsid.reduction import DENSE, NOTHING, PICKED, Over, over_torques
-from drake_tc.kernels.tsid.terms import frame_terms
+from drake_tc.kernels.tsid.terms import DENSE, NOTHING, PICKED, Over, frame_terms, over_torques
 from drake_tc.types import FloatArray, IntArray
 
 NEGLIGIBLE = 1e-9

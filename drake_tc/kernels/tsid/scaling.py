@@ -7,9 +7,8 @@ import numpy as np
 
 from drake_tc.kernels.compiling import FLAG, INDEX, MATRIX, REAL, VECTOR, WHOLE, kernel, together
 from drake_tc.kernels.linear_algebra import times_vector
-from drake_tc.kernels.tsid.gaussian import log_cdf
 from drake_tc.kernels.tsid.newton import FEASIBLE
-from drake_tc.kernels.tsid.programs import SAFE
+from drake_tc.kernels.tsid.programs import SAFE, log_cdf
 from drake_tc.types import FloatArray, IntArray
 
 CERTAIN = 1e-12

@@ -2,7 +2,7 @@
 
     problem -> minimum of J + w R, or of J - w s, from the last torque and the rows that held it -> status, vdot, f
 
-The entry calls those of the single stages (`problem`, `newton`, `scaling`, `reduction`), so that its numbers are
+The entry calls those of the single stages (`problem`, `newton`, `scaling`, `terms`), so that its numbers are
 theirs. It solves the trade-offs by one program each; that of a rectangle goes on from the last rectangle. Where it does
 not end with a torque it says which stage gave none, and `drake_tc.tsid.tick` goes through the stages one by one.
 """
@@ -16,8 +16,8 @@ from drake_tc.kernels.linear_algebra import times_vector
 from drake_tc.kernels.tsid.newton import DONE, FEASIBLE, FRESH, RISK, SOLVED, STEPS, minimum
 from drake_tc.kernels.tsid.problem import FOUND, LAW, VELOCITIES, Answer, Tables, problem
 from drake_tc.kernels.tsid.programs import RECTANGLE
-from drake_tc.kernels.tsid.reduction import response
 from drake_tc.kernels.tsid.scaling import box_program, box_risk, box_size, evaluated
+from drake_tc.kernels.tsid.terms import response
 from drake_tc.kernels.tsid.warm_start import KNOWN, ROWS, pack, unpack
 from drake_tc.types import FloatArray
 
