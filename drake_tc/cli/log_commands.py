@@ -10,15 +10,15 @@
 import json
 import math
 import sys
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from drake_tc.cli.out_files import Force, result_file, result_folder
-from drake_tc.cli.terminal import UnusedSeed, command_line, print_wide, progress_bar, say_next
-from drake_tc.cli.usage import Declared, tell_declared
+from drake_tc.cli.options import Declared, Force, UnusedSeed
+from drake_tc.cli.out_files import result_file, result_folder
+from drake_tc.cli.terminal import command_line, print_wide, progress_bar, say_next, tell_declared
 from drake_tc.config.files import is_folder, utf8_name
 from drake_tc.config.quoted import json_value
 from drake_tc.errors import LogError
@@ -26,7 +26,7 @@ from drake_tc.errors import LogError
 if TYPE_CHECKING:
     from drake_tc.experiments.check.effects import Reasons
     from drake_tc.experiments.check.run import CheckResult
-    from drake_tc.logs.inspection.inspect import Inspection
+    from drake_tc.logs.inspection import Inspection
 
 
 def inspect_command(
@@ -40,7 +40,7 @@ def inspect_command(
 
     With --rig it writes a rig file with these guesses for `close-loop`. Check them, because a name can mislead.
     """
-    from drake_tc.logs.inspection.inspect import inspect_log, trial
+    from drake_tc.logs.inspection import inspect_log, trial
 
     found = inspect_log(log)
     problem = trial(found)
@@ -136,27 +136,33 @@ FORMATS = ("bam",)
 """Formats that hold more than a table of signals; LeRobot data sets are read as logs, without an import."""
 
 
-def import_logs(
-    format_: Annotated[str, typer.Argument(metavar="FORMAT", help=f"Format: {', '.join(FORMATS)}.")],
-    src: Annotated[Path, typer.Argument(help="Folder of the recordings.")],
-    out: Annotated[Path, typer.Option("--out", help="Folder to write logs and rig files to.")],
-    force: Force = False,
-    seed: UnusedSeed = 0,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the paths of the rig files as JSON.")] = False,
-) -> None:
+@dataclass(frozen=True, kw_only=True)
+class ImportOptions:
+    """Options of `drake-tc import`."""
+
+    format_: Annotated[str, typer.Argument(metavar="FORMAT", help=f"Format: {', '.join(FORMATS)}.")]
+    src: Annotated[Path, typer.Argument(help="Folder of the recordings.")]
+    out: Annotated[Path, typer.Option("--out", help="Folder to write logs and rig files to.")]
+    force: Force = False
+    seed: UnusedSeed = 0
+    as_json: Annotated[bool, typer.Option("--json", help="Print the paths of the rig files as JSON.")] = False
+
+
+def import_logs(options: ImportOptions) -> None:
     """Convert BAM servo recordings to Parquet logs with canonical columns, and write rig files that read them.
 
     The command prints the paths of the rig files. It exits with 2 and one line on stderr when SRC cannot be used.
     """
-    if format_ not in FORMATS:
-        raise LogError(f"import: no format {format_!r}; possible: {', '.join(FORMATS)}")
+    src, out = options.src, options.out
+    if options.format_ not in FORMATS:
+        raise LogError(f"import: no format {options.format_!r}; possible: {', '.join(FORMATS)}")
     from drake_tc.logs.files.bam_runs import convert
 
     typer.echo(f"reading {src} ...", err=True)
     inputs = src.rglob("*") if is_folder(src) else ()
-    with result_folder(out, "--out", inputs=inputs, force=force) as folder:
+    with result_folder(out, "--out", inputs=inputs, force=options.force) as folder:
         rigs = [out / path.relative_to(folder) for path in convert(src, folder)]
-    if as_json:
+    if options.as_json:
         typer.echo(json.dumps({"name": "import", "rigs": [str(rig) for rig in rigs]}, indent=1))
         return
     for rig in rigs:
@@ -167,17 +173,22 @@ FILES = ("check.html", "check.json")
 WORDS = {"seen": "seen", "weakly": "weakly", "not_seen": "not seen", "not_separable": "not separable"}
 
 
-def check_command(
+@dataclass(frozen=True, kw_only=True)
+class CheckOptions:
+    """Options of `drake-tc check`."""
+
     rig: Annotated[
         Path, typer.Option(help="Rig file (YAML): joints, drives, columns, and what your model already contains.")
-    ],
-    log: Annotated[list[Path], typer.Option(help="A run; repeat for more.")],
-    declared: Declared = None,
-    out: Annotated[Path | None, typer.Option(help="Folder for check.html and check.json.")] = None,
-    seed: UnusedSeed = 0,
-    force: Force = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the check as JSON.")] = False,
-) -> None:
+    ]
+    log: Annotated[list[Path], typer.Option(help="A run; repeat for more.")]
+    declared: Declared = None
+    out: Annotated[Path | None, typer.Option(help="Folder for check.html and check.json.")] = None
+    seed: UnusedSeed = 0
+    force: Force = False
+    as_json: Annotated[bool, typer.Option("--json", help="Print the check as JSON.")] = False
+
+
+def check_command(options: CheckOptions) -> None:
     """Print what logs contain, which missing effects they can show and how large these must be, and why not others.
 
     It fits these runs as `close-loop` does, and judges every effect by that fit. `close-loop` on the same runs decides
@@ -185,16 +196,16 @@ def check_command(
     """
     from drake_tc.experiments.check.run import check_json, check_rig
 
+    rig, log, declared, out = options.rig, options.log, options.declared, options.out
     tell_declared("check", rig, declared)
-    read = [rig, *log, *([] if declared is None else [declared])]
-    with progress_bar("check", quiet=as_json) as progress:
+    with progress_bar("check", quiet=options.as_json) as progress:
         if out is None:
             result = check_rig(rig, log, progress, declared)
         else:
-            with result_folder(out, "--out", names=FILES, inputs=read, force=force) as folder:
+            with result_folder(out, "--out", names=FILES, inputs=[rig, *log, declared], force=options.force) as folder:
                 result = check_rig(rig, log, progress, declared)
                 write_check(result, folder)
-    if as_json:
+    if options.as_json:
         print(json.dumps(check_json(result), indent=1))
     else:
         print_check(result)

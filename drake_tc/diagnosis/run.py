@@ -26,7 +26,7 @@ from drake_tc.diagnosis.search import Progress
 from drake_tc.effects.library import registered_effects
 from drake_tc.errors import RigError
 from drake_tc.estimation.robot_loads import RobotLogs, robot_logs
-from drake_tc.logs.episodes import require_different_files, require_different_runs, require_two_runs
+from drake_tc.logs.files.episodes import require_different_files, require_different_runs, require_two_runs
 from drake_tc.logs.files.readers import LogTable, named_logs
 from drake_tc.logs.prepare import in_order, load_runs
 from drake_tc.logs.record import Run, distinct_notes

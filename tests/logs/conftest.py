@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from drake_tc.errors import LogError
 from drake_tc.logs.files.readers import read_table
-from drake_tc.logs.inspection.inspect import Inspection, inspect_log
+from drake_tc.logs.inspection import Inspection, inspect_log
 from drake_tc.logs.prepare import load_run
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig, parse_rig

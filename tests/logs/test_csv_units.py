@@ -7,8 +7,8 @@ from numpy.testing import assert_allclose
 
 from drake_tc.errors import LogError
 from drake_tc.logs.files.readers import read_table
-from drake_tc.logs.inspection.inspect import inspect_log, trial
-from drake_tc.logs.inspection.names import meaning
+from drake_tc.logs.inspection import inspect_log, trial
+from drake_tc.logs.names import meaning
 from drake_tc.logs.prepare import load_run
 from drake_tc.logs.rig import parse_rig
 

@@ -9,8 +9,8 @@ import pytest
 import yaml
 
 from drake_tc.cli.main import run
-from drake_tc.logs.inspection.inspect import inspect_log, trial
-from drake_tc.logs.inspection.names import meaning
+from drake_tc.logs.inspection import inspect_log, trial
+from drake_tc.logs.names import meaning
 from drake_tc.logs.prepare import load_run
 from drake_tc.logs.rig import load_rig, parse_rig
 

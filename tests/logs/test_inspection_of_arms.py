@@ -6,7 +6,7 @@ import pytest
 import yaml
 
 from drake_tc.cli.main import run
-from drake_tc.logs.inspection.inspect import trial
+from drake_tc.logs.inspection import trial
 from drake_tc.logs.prepare import load_run
 from drake_tc.logs.rig import load_rig
 

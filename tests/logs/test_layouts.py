@@ -17,7 +17,7 @@ from numpy.testing import assert_allclose
 from drake_tc.diagnosis.problem.prepared import prepare_joint
 from drake_tc.errors import LogError
 from drake_tc.experiments.check.run import check_rig
-from drake_tc.logs.inspection.inspect import inspect_log, trial
+from drake_tc.logs.inspection import inspect_log, trial
 from drake_tc.logs.prepare import load_run
 from drake_tc.logs.rig import load_rig, parse_rig, save_rig
 

@@ -8,9 +8,9 @@ import pandas as pd
 import pytest
 
 from drake_tc.errors import LogError
-from drake_tc.logs.episodes import require_different_files
+from drake_tc.logs.files.episodes import require_different_files
 from drake_tc.logs.files.readers import read_table
-from drake_tc.logs.inspection.inspect import inspect_log, trial
+from drake_tc.logs.inspection import inspect_log, trial
 from drake_tc.logs.prepare import load_run
 from drake_tc.logs.rig import parse_rig
 

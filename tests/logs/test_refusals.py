@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from drake_tc.errors import LogError, RigError
-from drake_tc.logs.episodes import require_different_files, require_different_runs, require_two_runs
+from drake_tc.logs.files.episodes import require_different_files, require_different_runs, require_two_runs
 from drake_tc.logs.prepare import load_run, load_runs
 from drake_tc.logs.record import Run
 

@@ -27,7 +27,7 @@ from scipy.signal import savgol_filter
 
 from drake_tc.errors import LogError
 from drake_tc.logs.columns import RawLog, file_row
-from drake_tc.logs.inspection.names import meaning, words
+from drake_tc.logs.names import meaning, words
 from drake_tc.logs.rig import Rig
 from drake_tc.logs.units import TIME
 from drake_tc.types import BoolArray, FloatArray, IntArray

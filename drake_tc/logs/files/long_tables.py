@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from drake_tc.logs.checks.clock import MIN_ROWS
-from drake_tc.logs.inspection.names import meaning, words
+from drake_tc.logs.names import meaning, words
 
 OWNERS = (
     *("joint", "motor", "servo", "actuator", "axis", "robot", "arm", "leg", "hand", "side", "name", "node", "device"),

@@ -10,7 +10,7 @@ import re
 import numpy as np
 import pandas as pd
 
-from drake_tc.logs.inspection.names import meaning, names_joints
+from drake_tc.logs.names import meaning, names_joints
 
 VECTOR = re.compile(r"\s*(?:array\(\s*(?:'d',)?\s*)?[\[(]([^\[\]()]*)[\])][^\[\]()]*\)?\s*")
 """A list, a tuple or an array as Python or NumPy print them."""

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from drake_tc.cli.main import run
-from drake_tc.logs.inspection.inspect import inspect_log, trial
+from drake_tc.logs.inspection import inspect_log, trial
 
 pytest.importorskip("rosbags")
 from .recorded import T, arrays, bag, imus, joint_states, nanoseconds, wrenches

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from drake_tc.logs.bags.reader import is_cut
+from drake_tc.logs.files.bag import is_cut
 from drake_tc.logs.files.readers import read_table
-from drake_tc.logs.inspection.inspect import inspect_log
+from drake_tc.logs.inspection import inspect_log
 
 from .recorded import bag, joint_states
 

@@ -17,7 +17,7 @@ GROWTH = 128 * 2**20
 """Memory by which reading 1 GiB may exceed reading the joint states alone [bytes]: an eighth of the file."""
 PEAK = """
 import json, resource, sys
-from drake_tc.logs.bags.reader import read_bag
+from drake_tc.logs.files.bag import read_bag
 table = read_bag(__import__("pathlib").Path(sys.argv[1]))
 peak = 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 print(json.dumps({"peak": peak, "rows": len(table), "columns": list(table.columns)}))

@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose
 
 from drake_tc.errors import LogError
 from drake_tc.logs.files.readers import read_table
-from drake_tc.logs.inspection.inspect import inspect_log, trial
+from drake_tc.logs.inspection import inspect_log, trial
 from drake_tc.logs.prepare import load_run
 from drake_tc.logs.rig import parse_rig
 

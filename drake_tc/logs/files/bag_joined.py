@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 
 from drake_tc.errors import LogError
-from drake_tc.logs.bags.messages import Kind, Stream
+from drake_tc.logs.files.bag_messages import Kind, Stream
 from drake_tc.types import FloatArray, IntArray
 
 OTHERS = (

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from drake_tc.logs.inspection.names import COMMANDS, meaning, names_joints
+from drake_tc.logs.names import COMMANDS, meaning, names_joints
 from drake_tc.types import FloatArray
 
 COMMAND_WORDS = ("command", "cmd", "desired", "reference", "target", "setpoint", "goal")

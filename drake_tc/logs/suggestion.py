@@ -15,7 +15,7 @@ import pandas as pd
 
 from drake_tc.logs.channels import grid_step
 from drake_tc.logs.columns import OFF, seconds_of_dates
-from drake_tc.logs.inspection.names import DUTY_CYCLE, Meaning
+from drake_tc.logs.names import DUTY_CYCLE, Meaning
 from drake_tc.logs.units import COUNTS, SENSOR_SUFFIXES, allowed_units
 from drake_tc.types import FloatArray
 

@@ -22,8 +22,8 @@ import pandas as pd
 
 from drake_tc.config.files import is_folder
 from drake_tc.errors import LogError
-from drake_tc.logs.bags.joined import joined
-from drake_tc.logs.bags.messages import (
+from drake_tc.logs.files.bag_joined import joined
+from drake_tc.logs.files.bag_messages import (
     EXTRACT,
     SENDER,
     Extract,

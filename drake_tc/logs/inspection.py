@@ -10,15 +10,15 @@ import numpy as np
 import pandas as pd
 
 from drake_tc.errors import DrakeTcError, LogError
-from drake_tc.logs.bags.joined import LEADERS, OTHERS
-from drake_tc.logs.bags.reader import Topic, is_bag, topics
 from drake_tc.logs.checks.plausible import turns_of_motor
+from drake_tc.logs.files.bag import Topic, is_bag, topics
+from drake_tc.logs.files.bag_joined import LEADERS, OTHERS
 from drake_tc.logs.files.readers import read_table
-from drake_tc.logs.inspection.names import LINE_BELOW, Meaning, meaning, with_unit, without_unit, words
-from drake_tc.logs.inspection.suggestion import NAMELESS, Column, describe, suggested_rig
-from drake_tc.logs.inspection.suggestion import numbers as in_numbers
+from drake_tc.logs.names import LINE_BELOW, Meaning, meaning, with_unit, without_unit, words
 from drake_tc.logs.prepare import load_run
 from drake_tc.logs.rig import parse_rig
+from drake_tc.logs.suggestion import NAMELESS, Column, describe, suggested_rig
+from drake_tc.logs.suggestion import numbers as in_numbers
 from drake_tc.logs.units import allowed_units, joint_type_of_unit
 from drake_tc.types import FloatArray
 

@@ -1,1 +1,0 @@
-"""What a log of unknown make holds, and a rig file to start from: `drake-tc inspect`."""
