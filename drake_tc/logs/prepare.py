@@ -21,7 +21,6 @@ from drake_tc.logs import channels
 from drake_tc.logs.checks.clock import (
     GAP_PERIODS,
     HELD,
-    MIN_ROWS,
     on_rows_of_positions,
     rows_in_order,
     sampling_instants,
@@ -41,7 +40,7 @@ from drake_tc.logs.checks.plausible import check_angles, check_speed, check_velo
 from drake_tc.logs.columns import RawLog, map_columns
 from drake_tc.logs.files.readers import LogTable, named_logs, read_table, run_name
 from drake_tc.logs.loads import Pendulum, RobotLoad
-from drake_tc.logs.record import Run
+from drake_tc.logs.record import MIN_ROWS, Run
 from drake_tc.logs.rig import Rig
 from drake_tc.logs.units import scale_of
 from drake_tc.types import BoolArray, FloatArray, IntArray

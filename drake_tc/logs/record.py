@@ -13,6 +13,9 @@ import numpy as np
 
 from drake_tc.types import FloatArray, IntArray
 
+MIN_ROWS = 20
+"""Usable rows of a log at least."""
+
 
 @dataclass(frozen=True)
 class Run:

@@ -28,6 +28,7 @@ from scipy.signal import savgol_filter
 from drake_tc.errors import LogError
 from drake_tc.logs.columns import RawLog, file_row
 from drake_tc.logs.names import meaning, words
+from drake_tc.logs.record import MIN_ROWS
 from drake_tc.logs.rig import Rig
 from drake_tc.logs.units import TIME
 from drake_tc.types import BoolArray, FloatArray, IntArray
@@ -196,7 +197,6 @@ def _rough(values: FloatArray) -> FloatArray:
 GAP_PERIODS = 5.0
 LONGEST_PERIOD = 0.15
 SHORTEST_PERIOD = 5e-5
-MIN_ROWS = 20
 UNSTEADY = 0.05
 """Scatter of the steps in periods from which rounding a step does not tell how many rows were lost."""
 SLOPE_ROWS, SLOPE_ORDER = 11, 3

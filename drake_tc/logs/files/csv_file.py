@@ -23,7 +23,7 @@ import pandas as pd
 from drake_tc.config.files import unpacked_gzip
 from drake_tc.config.quoted import quoted
 from drake_tc.errors import LogError
-from drake_tc.logs.files.series import of_series
+from drake_tc.logs.files.table_forms import of_series
 from drake_tc.logs.names import meaning
 from drake_tc.logs.units import TIME, is_known, is_unit
 

@@ -22,9 +22,10 @@ import pandas as pd
 from drake_tc.config.files import unpacked_gzip
 from drake_tc.config.quoted import quoted
 from drake_tc.errors import LogError
-from drake_tc.logs.checks.clock import MIN_ROWS, stated_period, with_times
+from drake_tc.logs.checks.clock import stated_period, with_times
 from drake_tc.logs.files.episodes import Source, one_log
 from drake_tc.logs.names import meaning, member, names_joints
+from drake_tc.logs.record import MIN_ROWS
 
 FORMS = "a mapping of columns {name: [values]}, or a list of records [{name: value}, ...]"
 

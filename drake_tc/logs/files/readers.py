@@ -14,7 +14,7 @@ import pyarrow.parquet  # type: ignore[import-untyped]
 from drake_tc.config.files import check_size, is_file, is_folder, utf8_text
 from drake_tc.config.quoted import quoted
 from drake_tc.errors import LogError
-from drake_tc.logs.checks.clock import MIN_ROWS, stated_period, with_times, with_whole_stamps
+from drake_tc.logs.checks.clock import stated_period, with_times, with_whole_stamps
 from drake_tc.logs.files.array_files import read_array, read_arrays, read_mat
 from drake_tc.logs.files.bag import SUFFIXES, is_bag, read_bag
 from drake_tc.logs.files.csv_file import read_csv, refuse_repeated, with_texts
@@ -27,10 +27,16 @@ from drake_tc.logs.files.episodes import (
     without_lists,
 )
 from drake_tc.logs.files.json_log import read_json, read_json_lines
-from drake_tc.logs.files.long_tables import with_channels_apart
-from drake_tc.logs.files.named_vectors import with_named_vectors
-from drake_tc.logs.files.series import with_common_times, with_dates, with_index, without_structs
+from drake_tc.logs.files.table_forms import (
+    with_channels_apart,
+    with_common_times,
+    with_dates,
+    with_index,
+    with_named_vectors,
+    without_structs,
+)
 from drake_tc.logs.names import meaning, member, names_joints
+from drake_tc.logs.record import MIN_ROWS
 
 Reader = Callable[[Path], pd.DataFrame]
 
