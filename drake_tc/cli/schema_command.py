@@ -7,8 +7,8 @@ from typing import Annotated, Any
 
 import typer
 
-from drake_tc.cli.out_files import Force, print_or_write
-from drake_tc.cli.terminal import UnusedSeed
+from drake_tc.cli.options import Force, UnusedSeed
+from drake_tc.cli.out_files import print_or_write
 
 
 class Document(StrEnum):
@@ -67,7 +67,7 @@ def by_name(schema: dict[str, Any]) -> dict[str, Any]:
 def document_page(document: Document) -> str:
     """The page of a file (Markdown)."""
     from drake_tc.config.page import page
-    from drake_tc.report.rig_page import rig_page
+    from drake_tc.report.pages import rig_page
 
     if document == Document.rig:
         return rig_page()

@@ -46,8 +46,8 @@ from drake_tc.diagnosis.result.joint_result import (
 from drake_tc.diagnosis.search import Found, Progress, Sets, find, possible, pruned, settled
 from drake_tc.diagnosis.split import Split, with_needed
 from drake_tc.effects.base import Context, Effect
+from drake_tc.effects.context import Obstacle
 from drake_tc.effects.library import looked_for, uncommon
-from drake_tc.effects.obstacle import Obstacle
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
 from drake_tc.types import FloatArray

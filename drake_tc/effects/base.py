@@ -28,9 +28,8 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 
 from drake_tc.config.joint_units import EFFORT_UNIT, JointType
-from drake_tc.effects.context import Context, DriveKind, JointNumbers, Parameter, Plausible, Values
+from drake_tc.effects.context import Context, DriveKind, JointNumbers, Obstacle, Parameter, Plausible, Values
 from drake_tc.effects.kernel import DriveKernel, EquationKernel, InverseLaw, TorqueKernel, TorqueParts, Transmission
-from drake_tc.effects.obstacle import Obstacle
 from drake_tc.kernels.torque_equations import EQUATIONS, JointState
 from drake_tc.types import BoolArray, FloatArray, IntArray
 

@@ -228,3 +228,20 @@ class JointNumbers:
     def damping_ratio(self) -> float:
         """F_v/F_c [s/rad]; 0 without Coulomb friction."""
         return self.viscous / self.coulomb if self.coulomb > 0.0 else 0.0
+
+
+ObstacleReason = Literal["cannot_be_looked_for", "not_recorded", "not_excited"]
+
+
+@dataclass(frozen=True)
+class Obstacle:
+    """What stands in the way.
+
+    Attributes:
+        reason: "not_recorded", the logs lack a signal; "not_excited", what they recorded changes too little; or
+            "cannot_be_looked_for", this kind of drive or load, or what the rig file declares, does not allow it.
+        statement: The same in a few words of the effect's own.
+    """
+
+    reason: ObstacleReason
+    statement: str

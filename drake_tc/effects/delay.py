@@ -108,3 +108,13 @@ class CommandDelay(Delay):
     def undone(self, effort: FloatArray, signals: Signals, shape: Shape) -> FloatArray:
         """The effort y* + (q_d - q_d(t - d))."""
         return 2.0 * effort - self.transform(effort, signals, shape)
+
+
+class CommonDelay(Delay):
+    """y*(t) = y(t - d) with one d for all joints: the fit of a single joint does not move it.
+
+    No search of a joint looks for it; `drake_tc.diagnosis.robot.common_delay` finds it on all joints together.
+    """
+
+    shapes: ClassVar[tuple[Parameter, ...]] = ()
+    given_shapes: ClassVar[tuple[Parameter, ...]] = Delay.shapes

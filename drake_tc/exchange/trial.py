@@ -33,7 +33,7 @@ from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
 from drake_tc.loops.joint_bench import rig_free_run
 from drake_tc.report.numbers import significant
-from drake_tc.report.plain_page import PageSection, PageTable, plain_page
+from drake_tc.report.pages import PageSection, PageTable, plain_page
 from drake_tc.report.sections import HOW, cells, headings
 from drake_tc.report.words import title_of
 from drake_tc.simulator_files.read import ANY_JOINT, joints_of_text, read_joints

@@ -20,8 +20,8 @@ from drake_tc.diagnosis.problem.parameters import Estimate
 from drake_tc.diagnosis.problem.prepared import Prepared
 from drake_tc.diagnosis.search import find
 from drake_tc.effects.base import Context, Effect, JointNumbers, Shape, Signals, Signature
+from drake_tc.effects.context import Obstacle
 from drake_tc.effects.library import looked_for
-from drake_tc.effects.obstacle import Obstacle
 from drake_tc.effects.sensor_delay import SensorDelay
 from drake_tc.logs.loads import RobotLoad
 from drake_tc.logs.rig import Rig

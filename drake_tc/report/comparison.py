@@ -16,7 +16,7 @@ from matplotlib.dates import AutoDateLocator, ConciseDateFormatter, date2num
 
 from drake_tc.config.quoted import json_value
 from drake_tc.report.numbers import interval, percent, pretty_unit, significant
-from drake_tc.report.plain_page import PageSection, PageTable, plain_page
+from drake_tc.report.pages import PageSection, PageTable, plain_page
 from drake_tc.report.plots.svg import (
     AFTER,
     BACKWARD,

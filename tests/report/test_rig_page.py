@@ -29,7 +29,7 @@ from drake_tc.logs.rig_document.sensors import (
     VoltageKeys,
 )
 from drake_tc.logs.units import COLUMN_MEANING, JOINT_SUFFIXES, SENSOR_SUFFIXES
-from drake_tc.report.rig_page import EXAMPLES, example, rig_page
+from drake_tc.report.pages import EXAMPLES, example, rig_page
 from drake_tc.robot.robot import load_robot
 
 ROOT = Path(__file__).resolve().parents[2]

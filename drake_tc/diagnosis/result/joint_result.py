@@ -30,7 +30,7 @@ less than `priors.NAMED_FLOORS` noise floors."""
 INTERVAL_COLUMNS = ("effect", "parameter", "value", "low", "high", "unit")
 """Of `JointResult.intervals`."""
 Rejection = Literal["too_little_evidence", "cannot_be_looked_for", "not_recorded", "not_excited"]
-"""Why an effect was tried and not added, or could not be tried (`drake_tc.effects.obstacle.Obstacle`)."""
+"""Why an effect was tried and not added, or could not be tried (`drake_tc.effects.context.Obstacle`)."""
 
 
 @dataclass(frozen=True)

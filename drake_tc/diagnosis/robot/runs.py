@@ -16,8 +16,7 @@ from drake_tc.diagnosis.shared.causes import Cause, CauseColumns
 from drake_tc.diagnosis.shared.columns_of_runs import corrected
 from drake_tc.diagnosis.shared.timing import LinkMomenta
 from drake_tc.diagnosis.split import rate_inside
-from drake_tc.effects.common_delay import CommonDelay
-from drake_tc.effects.delay import DELAY_RANGE
+from drake_tc.effects.delay import DELAY_RANGE, CommonDelay
 from drake_tc.estimation.robot_loads import at_motors
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig

@@ -10,8 +10,8 @@ from typing import Literal
 
 from drake_tc.diagnosis.problem.prepared import Prepared
 from drake_tc.effects.base import Effect
+from drake_tc.effects.context import Obstacle
 from drake_tc.effects.library import looked_for
-from drake_tc.effects.obstacle import Obstacle
 from drake_tc.experiments.check.reasons import MotionFacts, why_hidden
 from drake_tc.experiments.fitted import FittedJoint, fitted_joint
 from drake_tc.experiments.log_odds import EffectOdds

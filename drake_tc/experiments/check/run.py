@@ -25,7 +25,7 @@ from drake_tc.logs.prepare import in_order, load_runs
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig, load_rig
 from drake_tc.report.numbers import percent, pretty_unit, significant
-from drake_tc.report.plain_page import PageSection, PageTable, plain_page
+from drake_tc.report.pages import PageSection, PageTable, plain_page
 from drake_tc.report.words import capital
 from drake_tc.types import FloatArray
 

@@ -17,7 +17,7 @@ from drake_tc.experiments.design.output import (
     write_trajectory,
 )
 from drake_tc.logs.rig import rig_document
-from drake_tc.report.plain_page import PageSection, PageTable, plain_page
+from drake_tc.report.pages import PageSection, PageTable, plain_page
 
 RIG_LINES = "rig_load.yaml"
 LOAD_FILES = (

@@ -26,7 +26,7 @@ from drake_tc.experiments.design.motions import JointLimits
 from drake_tc.experiments.design.robot import RobotDesign
 from drake_tc.experiments.design.run import JointDesign
 from drake_tc.report.numbers import significant
-from drake_tc.report.plain_page import PageSection, PageTable, plain_page
+from drake_tc.report.pages import PageSection, PageTable, plain_page
 from drake_tc.report.plots.svg import BACKWARD, FORWARD, new_figure, page_style, to_svg
 from drake_tc.types import FloatArray
 

@@ -26,7 +26,7 @@ from drake_tc.experiments.check.effects import Visibility
 from drake_tc.experiments.rehearsal.twin import Twin
 from drake_tc.experiments.sizes import Size, size_of
 from drake_tc.report.numbers import percent, pretty_unit, significant
-from drake_tc.report.plain_page import PageSection, PageTable, plain_page
+from drake_tc.report.pages import PageSection, PageTable, plain_page
 from drake_tc.report.plots.svg import BACKWARD, FORWARD, new_figure, page_style, to_svg
 
 Progress = Callable[[str, float], None]

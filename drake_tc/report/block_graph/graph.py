@@ -18,8 +18,20 @@ from pydrake.systems.framework import Diagram, InputPortIndex, OutputPortIndex, 
 from drake_tc.array_stage import INNER_STAGES, InnerStage
 from drake_tc.errors import ParamsError
 from drake_tc.report.block_graph.pictures import dot, graph_json, mermaid, svg
-from drake_tc.report.block_graph.stages import TAG, Candidate, assign_stages, certain_stage
-from drake_tc.report.block_graph.view import VECTOR, Block, Edge, GraphData, Port, Terminal, Update, view
+from drake_tc.report.block_graph.view import (
+    TAG,
+    VECTOR,
+    Block,
+    Candidate,
+    Edge,
+    GraphData,
+    Port,
+    Terminal,
+    Update,
+    assign_stages,
+    certain_stage,
+    view,
+)
 
 End = tuple[str, int]
 """Path of a block, and the index of one of its ports."""
