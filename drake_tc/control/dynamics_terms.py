@@ -19,8 +19,8 @@ from pydrake.multibody.tree import JacobianWrtVariable
 from drake_tc.errors import ParamsError
 from drake_tc.estimation.plant import CONTACT_SUFFIX, IMU_SUFFIX, BaseMotion, build_plant
 from drake_tc.kernels.calls import Kernel
+from drake_tc.robot.plant import in_order, tree_of
 from drake_tc.robot.robot import Robot
-from drake_tc.robot.tree import in_order, tree_of
 from drake_tc.types import GRAVITY, FloatArray
 
 _JOINT_FORCES = Kernel("joint_torque", "joint_forces")

@@ -27,8 +27,8 @@ from pydrake.multibody.tree import JacobianWrtVariable, MultibodyForces
 from drake_tc.errors import ParamsError
 from drake_tc.estimation.plant import CUT_SUFFIX, IMU_SUFFIX, BaseMotion, build_plant
 from drake_tc.kernels.calls import Kernel
+from drake_tc.robot.plant import in_order, tree_of
 from drake_tc.robot.robot import Robot
-from drake_tc.robot.tree import in_order, tree_of
 from drake_tc.types import GRAVITY, FloatArray, IntArray
 
 BaseSource = Literal["imu", "fixed"]

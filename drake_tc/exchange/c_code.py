@@ -33,9 +33,8 @@ from drake_tc.kernels.guard import COMPLETE, UNTRUSTED
 from drake_tc.kernels.guard import LARGEST as MOST
 from drake_tc.kernels.joint_layout import DEAD_ZONE, TERM_END, TERM_FIRST, TERM_KIND
 from drake_tc.kernels.torque_equations import EQUATIONS, REFERENCE_CELSIUS, JointState
-from drake_tc.robot.plant import joint_limits, make_plant
+from drake_tc.robot.plant import has_axis, is_revolute, joint_axes, joint_limits, make_plant
 from drake_tc.robot.robot import Robot
-from drake_tc.robot.tree import has_axis, is_revolute, joint_axes
 from drake_tc.types import FloatArray
 
 CALLS = {

@@ -1,7 +1,7 @@
 """Pages beside the report, from templates: plain pages in its style, and RIG.md.
 
-`plain_page` makes a self-contained page of headings, sentences, tables and plots. `rig_page` explains the rig file, from
-the model of the file and from the effect library.
+`plain_page` makes a self-contained page of headings, sentences, tables and plots. `rig_page` explains the rig file,
+from the model of the file and from the effect library.
 """
 
 from collections.abc import Sequence

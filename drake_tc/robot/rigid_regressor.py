@@ -13,9 +13,8 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import JointIndex
 
 from drake_tc.errors import IdentificationError, ParamsError
-from drake_tc.robot.plant import make_plant
+from drake_tc.robot.plant import has_axis, is_revolute, joint_axes, make_plant
 from drake_tc.robot.robot import Robot
-from drake_tc.robot.tree import has_axis, is_revolute, joint_axes
 from drake_tc.types import FloatArray, IntArray
 
 LINK_PARAMETERS = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")

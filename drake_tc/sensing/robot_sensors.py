@@ -18,8 +18,8 @@ from pydrake.systems.primitives import MatrixGain, Multiplexer
 from pydrake.systems.sensors import Accelerometer, Gyroscope
 
 from drake_tc.errors import ParamsError
+from drake_tc.robot.plant import has_axis, is_revolute, joint_axes
 from drake_tc.robot.robot import Mount, Robot
-from drake_tc.robot.tree import has_axis, is_revolute, joint_axes
 from drake_tc.sensing.corruption import Corruption
 from drake_tc.sensing.sensor import Sensor, SensorBase
 from drake_tc.sensing.spec import Sampling, SensorSpec, joined

@@ -44,7 +44,7 @@ from drake_tc.tsid.model import TsidModel
 from drake_tc.tsid.priorities import read_priorities, without_priorities
 from drake_tc.tsid.qp import DEFAULT, OF_DRAKE, PROGRAM, SOLVERS, solver
 from drake_tc.tsid.robust.formulation import Formulation, MeasureName, Use
-from drake_tc.tsid.robust.options import Budget, Options, TorqueError
+from drake_tc.tsid.robust.scaled import Budget, Options, TorqueError
 
 PAPER_SHARE = 0.003
 """Of the effort limit: the paper's sigma."""

@@ -19,8 +19,7 @@ from drake_tc.tsid.program_solver import over_y, sizes_of
 from drake_tc.tsid.robust import convex
 from drake_tc.tsid.robust.formulation import Formulation
 from drake_tc.tsid.robust.measures import BOX_DAMPING, EXACT, WIDTH
-from drake_tc.tsid.robust.options import TorqueError
-from drake_tc.tsid.robust.scaled import ScaledProblem, ScaledRows
+from drake_tc.tsid.robust.scaled import ScaledProblem, ScaledRows, TorqueError
 from drake_tc.tsid.rows import LeastSquares, Limit, Parts, Task, Terms
 from drake_tc.types import FloatArray, IntArray
 

@@ -25,7 +25,7 @@ from drake_tc.tsid.program_solver import ProgramSolver
 from drake_tc.tsid.qp import QpSolver
 from drake_tc.tsid.robust.convex import FREE, ActiveSet, Start
 from drake_tc.tsid.robust.formulation import Formulation
-from drake_tc.tsid.robust.options import TorqueError
+from drake_tc.tsid.robust.scaled import TorqueError
 from drake_tc.tsid.rows import Limit, LimitRows, Parts, Task, TaskRows, Terms
 from drake_tc.types import FloatArray
 

@@ -23,9 +23,8 @@ from pydrake.multibody.tree import FixedOffsetFrame, QuaternionFloatingJoint
 from drake_tc.errors import ParamsError
 from drake_tc.kernels.calls import Kernel
 from drake_tc.robot.fields import Mount
-from drake_tc.robot.plant import file_rotors, make_plant
+from drake_tc.robot.plant import TreeJoints, file_rotors, make_plant, tree_of
 from drake_tc.robot.robot import Robot
-from drake_tc.robot.tree import TreeJoints, tree_of
 from drake_tc.robot.urdf import reduced_urdf
 from drake_tc.tsid.contacts import ActiveContacts, Contact, select
 from drake_tc.tsid.rows import FrameTerms, Pose, Terms

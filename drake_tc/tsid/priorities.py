@@ -24,8 +24,7 @@ from drake_tc.robot import fields
 from drake_tc.tsid.qp import Outcome, QpSolver
 from drake_tc.tsid.robust.convex import FREE, RobustSolution, SolverMeans, Start, Value, plain
 from drake_tc.tsid.robust.measures import Guess, ProgramResult, individual, least_cost
-from drake_tc.tsid.robust.options import Options
-from drake_tc.tsid.robust.scaled import RANK, ScaledProblem, nothing, null_basis
+from drake_tc.tsid.robust.scaled import RANK, Options, ScaledProblem, nothing, null_basis
 from drake_tc.tsid.rows import LeastSquares
 from drake_tc.types import FloatArray, IntArray
 

@@ -31,8 +31,7 @@ from drake_tc.tsid.assembly import check_names, is_bounds, ordered
 from drake_tc.tsid.qp import DrakeSolver, Outcome, QpSolution, QuadraticProgram
 from drake_tc.tsid.robust.convex import RobustSolution
 from drake_tc.tsid.robust.formulation import Formulation
-from drake_tc.tsid.robust.options import CERTAIN, TorqueError
-from drake_tc.tsid.robust.scaled import box_risk
+from drake_tc.tsid.robust.scaled import CERTAIN, TorqueError, box_risk
 from drake_tc.tsid.rows import LeastSquares, LimitRows, Parts, TaskRows, Terms
 from drake_tc.types import FloatArray
 

@@ -26,7 +26,7 @@ from drake_tc.loops.whole_body.scenario import TsidScenario
 from drake_tc.registry import diagrams, runnable, tsid_entry
 from drake_tc.robot.plant import file_rotors, joint_limits, make_plant
 from drake_tc.tsid.law import Status
-from drake_tc.tsid.robust.options import TorqueError
+from drake_tc.tsid.robust.scaled import TorqueError
 from tests.benchmarks.__main__ import run as benchmark
 from tests.benchmarks.floor_contact import cone_miss
 from tests.benchmarks.tsid_timing import FORMS

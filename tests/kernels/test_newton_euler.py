@@ -10,8 +10,8 @@ from pydrake.multibody.tree import MultibodyForces
 import drake_tc.models
 from drake_tc.estimation.plant import build_plant
 from drake_tc.kernels.calls import Kernel
+from drake_tc.robot.plant import in_order, tree_of
 from drake_tc.robot.robot import load_robot
-from drake_tc.robot.tree import in_order, tree_of
 
 JOINT_FORCES = Kernel("joint_torque", "joint_forces")
 MODELS = Path(drake_tc.models.__file__).parent / "hrp2_like"

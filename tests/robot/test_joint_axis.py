@@ -7,7 +7,7 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import PrismaticJoint, RevoluteJoint, SpatialInertia, UnitInertia, WeldJoint
 
-from drake_tc.robot.tree import has_axis, is_revolute, joint_axes
+from drake_tc.robot.plant import has_axis, is_revolute, joint_axes
 
 
 @pytest.fixture

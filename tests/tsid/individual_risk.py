@@ -5,8 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from drake_tc.tsid.robust.convex import plain
-from drake_tc.tsid.robust.options import TorqueError
-from drake_tc.tsid.robust.scaled import nothing, scaled
+from drake_tc.tsid.robust.scaled import TorqueError, nothing, scaled
 from drake_tc.tsid.rows import Polytope
 from drake_tc.types import FloatArray
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from drake_tc.tsid.robust.options import TorqueError
+from drake_tc.tsid.robust.scaled import TorqueError
 from drake_tc.tsid.rows import LeastSquares, Polytope
 
 

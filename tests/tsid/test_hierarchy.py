@@ -6,8 +6,7 @@ from numpy.testing import assert_allclose
 
 from drake_tc.tsid.priorities import Priorities, Robustness
 from drake_tc.tsid.qp import Outcome, QuadraticProgram, solver
-from drake_tc.tsid.robust.options import Options, TorqueError
-from drake_tc.tsid.robust.scaled import scaled
+from drake_tc.tsid.robust.scaled import Options, TorqueError, scaled
 from drake_tc.tsid.rows import LeastSquares, Polytope
 
 from .individual_risk import individual_risk

@@ -17,7 +17,7 @@ from drake_tc.tsid.qp import Outcome, solver
 from drake_tc.tsid.robust.convex import FREE, Start
 from drake_tc.tsid.robust.formulation import Formulation
 from drake_tc.tsid.robust.measures import EXACT
-from drake_tc.tsid.robust.options import Options, TorqueError
+from drake_tc.tsid.robust.scaled import Options, TorqueError
 
 from .problems import Setup, problem_at, state
 

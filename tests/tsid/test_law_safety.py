@@ -15,8 +15,7 @@ from drake_tc.tsid.controller import RobustTsid
 from drake_tc.tsid.fused import LARGEST
 from drake_tc.tsid.law import PreviousTick, Status
 from drake_tc.tsid.qp import Outcome
-from drake_tc.tsid.robust.options import Budget, Options, TorqueError
-from drake_tc.tsid.robust.scaled import p_box, p_ind
+from drake_tc.tsid.robust.scaled import Budget, Options, TorqueError, p_box, p_ind
 from drake_tc.tsid.tick import TickInput, problem_at, solve_tick
 
 FILE = Path(drake_tc.models.__file__).parent / "hrp2_like" / "hrp2_like_tsid.yaml"

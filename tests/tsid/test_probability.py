@@ -7,7 +7,7 @@ from scipy.special import ndtr, ndtri
 
 from drake_tc.diagrams.papers.delprete2015.probability import probability
 from drake_tc.errors import ParamsError
-from drake_tc.tsid.robust.options import TorqueError
+from drake_tc.tsid.robust.scaled import TorqueError
 from drake_tc.tsid.rows import Polytope
 
 from .robust_problems import random_covariance, random_polytope

@@ -14,8 +14,7 @@ from drake_tc.tsid.law import PreviousTick, Status
 from drake_tc.tsid.program_solver import FullProblem, ProgramSolver
 from drake_tc.tsid.qp import Outcome, solver
 from drake_tc.tsid.robust.measures import rectangle_risk
-from drake_tc.tsid.robust.options import TorqueError
-from drake_tc.tsid.robust.scaled import p_ind, size_of_risk
+from drake_tc.tsid.robust.scaled import TorqueError, p_ind, size_of_risk
 from drake_tc.tsid.tick import TickInput, problem_at, solve_tick
 
 FILE = Path(drake_tc.models.__file__).parent / "hrp2_like" / "hrp2_like_tsid.yaml"

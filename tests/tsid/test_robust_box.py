@@ -16,8 +16,7 @@ from drake_tc.tsid.qp import Outcome, QuadraticProgram, solver
 from drake_tc.tsid.robust.convex import rectangle
 from drake_tc.tsid.robust.formulation import Formulation
 from drake_tc.tsid.robust.measures import p_rect, rectangle_risk
-from drake_tc.tsid.robust.options import TorqueError
-from drake_tc.tsid.robust.scaled import box_risk, box_rows, nothing, p_box, scaled, size_of_risk
+from drake_tc.tsid.robust.scaled import TorqueError, box_risk, box_rows, nothing, p_box, scaled, size_of_risk
 from drake_tc.tsid.rows import LeastSquares, Polytope
 
 from .robust_problems import random_covariance, random_polytope, random_problem

@@ -13,8 +13,7 @@ from scipy.stats import norm
 from drake_tc.errors import ParamsError
 from drake_tc.tsid.qp import Outcome, solver
 from drake_tc.tsid.robust.formulation import Formulation
-from drake_tc.tsid.robust.options import Budget, Options, TorqueError
-from drake_tc.tsid.robust.scaled import p_ind
+from drake_tc.tsid.robust.scaled import Budget, Options, TorqueError, p_ind
 from drake_tc.tsid.rows import LeastSquares, Polytope
 
 from . import problems as real

@@ -11,8 +11,7 @@ from scipy.special import log_ndtr, ndtr
 from scipy.stats import multivariate_normal
 
 from drake_tc.diagrams.papers.delprete2015.probability import probability
-from drake_tc.tsid.robust.options import TorqueError
-from drake_tc.tsid.robust.scaled import p_ind
+from drake_tc.tsid.robust.scaled import TorqueError, p_ind
 from drake_tc.tsid.rows import Polytope
 
 from .individual_risk import individual_risk

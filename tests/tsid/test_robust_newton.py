@@ -7,8 +7,7 @@ from scipy.optimize import minimize
 
 from drake_tc.tsid.qp import Outcome, QpSolver, QuadraticProgram, solver
 from drake_tc.tsid.robust.convex import FREE, ActiveSet, SolverMeans, minimise, plain
-from drake_tc.tsid.robust.options import Budget
-from drake_tc.tsid.robust.scaled import ScaledRows, nothing, null_basis, scaled
+from drake_tc.tsid.robust.scaled import Budget, ScaledRows, nothing, null_basis, scaled
 from drake_tc.tsid.rows import LeastSquares
 
 from .robust_problems import random_problem

@@ -5,8 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from drake_tc.errors import ParamsError
-from drake_tc.tsid.robust.options import TorqueError
-from drake_tc.tsid.robust.scaled import scaled
+from drake_tc.tsid.robust.scaled import TorqueError, scaled
 from drake_tc.tsid.rows import LeastSquares, Polytope
 
 from .robust_problems import random_covariance

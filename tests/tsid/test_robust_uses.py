@@ -11,8 +11,7 @@ from drake_tc.diagrams.papers.delprete2015.probability import probability
 from drake_tc.tsid.qp import Outcome, QuadraticProgram, solver
 from drake_tc.tsid.robust.formulation import Formulation
 from drake_tc.tsid.robust.measures import rectangle_risk
-from drake_tc.tsid.robust.options import Options, TorqueError
-from drake_tc.tsid.robust.scaled import p_box
+from drake_tc.tsid.robust.scaled import Options, TorqueError, p_box
 
 from .robust_problems import random_covariance, random_problem
 

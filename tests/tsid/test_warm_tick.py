@@ -13,7 +13,7 @@ from drake_tc.tsid.configuration import load_law
 from drake_tc.tsid.fused import NO_ROWS
 from drake_tc.tsid.law import PreviousTick, Status
 from drake_tc.tsid.qp import Outcome
-from drake_tc.tsid.robust.options import Budget, Options
+from drake_tc.tsid.robust.scaled import Budget, Options
 from drake_tc.tsid.tick import TickInput, solve_tick
 
 from .test_fused_tick import BOTH, FILE, Plain, moved, of, references_of

@@ -22,8 +22,7 @@ from scipy.stats import t as student
 from scipy.stats.qmc import Sobol
 
 from drake_tc.errors import ParamsError
-from drake_tc.tsid.robust.options import TorqueError
-from drake_tc.tsid.robust.scaled import certain_miss, nothing, scaled
+from drake_tc.tsid.robust.scaled import TorqueError, certain_miss, nothing, scaled
 from drake_tc.tsid.rows import Polytope
 from drake_tc.types import FloatArray, IntArray
 

@@ -14,7 +14,7 @@ from drake_tc.tsid.contacts import Contact
 from drake_tc.tsid.limits import AccelerationLimit, TorqueLimit, WrenchCones
 from drake_tc.tsid.model import TsidModel
 from drake_tc.tsid.robust.formulation import Formulation, MeasureName
-from drake_tc.tsid.robust.options import Options, TorqueError
+from drake_tc.tsid.robust.scaled import Options, TorqueError
 from drake_tc.tsid.rows import Limit
 from drake_tc.tsid.tasks import ForceTask, PostureTask
 

@@ -15,7 +15,7 @@ from drake_tc.tsid.fallbacks import diagnose
 from drake_tc.tsid.model import Scratch, TsidModel, moved
 from drake_tc.tsid.qp import Outcome, solver
 from drake_tc.tsid.robust.convex import RobustSolution, Start
-from drake_tc.tsid.robust.options import TorqueError
+from drake_tc.tsid.robust.scaled import TorqueError
 from drake_tc.tsid.rows import Limit, Task
 from drake_tc.types import FloatArray
 

@@ -9,7 +9,7 @@ from scipy.stats import binomtest
 
 from drake_tc.diagrams.papers.delprete2015.probability import probability
 from drake_tc.diagrams.papers.delprete2015.simulation import Moment
-from drake_tc.tsid.robust.options import TorqueError
+from drake_tc.tsid.robust.scaled import TorqueError
 from drake_tc.types import BoolArray, FloatArray
 
 SAMPLES = 512

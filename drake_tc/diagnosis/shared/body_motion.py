@@ -9,7 +9,7 @@ import numpy as np
 from drake_tc.estimation.off_line import Row
 from drake_tc.estimation.plant import CUT_SUFFIX
 from drake_tc.estimation.torque_model import MeasuredMotion, TorqueModel
-from drake_tc.robot.tree import joint_axes
+from drake_tc.robot.plant import joint_axes
 from drake_tc.types import BoolArray, FloatArray
 
 

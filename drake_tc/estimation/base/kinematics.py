@@ -40,9 +40,8 @@ from drake_tc.kernels.base.state import (
     size_of,
 )
 from drake_tc.robot.fields import ForceTorqueMount, Mount
-from drake_tc.robot.plant import make_plant
+from drake_tc.robot.plant import in_order, make_plant, tree_of
 from drake_tc.robot.robot import Robot
-from drake_tc.robot.tree import in_order, tree_of
 from drake_tc.robot.urdf import reduced_urdf
 from drake_tc.robot.urdf_tree import read_urdf
 from drake_tc.types import GRAVITY, FloatArray

@@ -30,7 +30,7 @@ from drake_tc.robot.plant import joint_limits
 from drake_tc.robot.robot import Robot
 from drake_tc.sensing.suite import Readings
 from drake_tc.tsid.model import TsidModel
-from drake_tc.tsid.robust.options import TorqueError
+from drake_tc.tsid.robust.scaled import TorqueError
 from drake_tc.types import Call, FloatArray
 
 

@@ -12,8 +12,7 @@ import numpy as np
 
 from drake_tc.kernels.calls import Kernel
 from drake_tc.tsid.qp import Outcome, QpSolution, QpSolver, QuadraticProgram
-from drake_tc.tsid.robust.options import Spending
-from drake_tc.tsid.robust.scaled import ScaledProblem, ScaledRows
+from drake_tc.tsid.robust.scaled import ScaledProblem, ScaledRows, Spending
 from drake_tc.tsid.rows import LeastSquares
 from drake_tc.types import FloatArray, IntArray
 

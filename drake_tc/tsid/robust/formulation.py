@@ -15,8 +15,7 @@ from drake_tc.tsid.qp import Outcome, QpSolver
 from drake_tc.tsid.robust import measures
 from drake_tc.tsid.robust.convex import FREE, RobustSolution, SolverMeans, Start
 from drake_tc.tsid.robust.measures import Guess, Measure, ProgramResult, rectangle
-from drake_tc.tsid.robust.options import Options, TorqueError
-from drake_tc.tsid.robust.scaled import ScaledProblem, nothing, null_basis, scaled, size_of_risk
+from drake_tc.tsid.robust.scaled import Options, ScaledProblem, TorqueError, nothing, null_basis, scaled, size_of_risk
 from drake_tc.tsid.rows import LeastSquares, Polytope
 
 MET = 1e-6

@@ -17,11 +17,12 @@ from drake_tc.kernels.calls import Kernel
 from drake_tc.tsid.qp import Outcome, QpSolver
 from drake_tc.tsid.robust import convex
 from drake_tc.tsid.robust.convex import FREE, ActiveSet, Minimum, SolverMeans, minimise, plain
-from drake_tc.tsid.robust.options import Budget, TorqueError
 from drake_tc.tsid.robust.scaled import (
     FEASIBLE,
+    Budget,
     ScaledProblem,
     ScaledRows,
+    TorqueError,
     box_risk,
     box_rows,
     box_size,

@@ -8,7 +8,7 @@ from tsid.problems import Setup, problem_at, state
 
 from drake_tc.tsid.qp import Outcome, solver
 from drake_tc.tsid.robust.formulation import Formulation
-from drake_tc.tsid.robust.options import TorqueError
+from drake_tc.tsid.robust.scaled import TorqueError
 
 from .machine import require
 

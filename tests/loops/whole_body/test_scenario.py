@@ -12,7 +12,7 @@ from drake_tc.loops.whole_body.running import build_tsid, simulate_tsid
 from drake_tc.registry import tsid_entry
 from drake_tc.robot.fields import Mount
 from drake_tc.tsid.contacts import Contact
-from drake_tc.tsid.robust.options import TorqueError
+from drake_tc.tsid.robust.scaled import TorqueError
 
 
 @pytest.mark.parametrize(
