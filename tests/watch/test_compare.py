@@ -17,7 +17,7 @@ from drake_tc.diagnosis.result.models import gap_between_encoders
 from drake_tc.effects.base import plain_signals
 from drake_tc.errors import ParamsError
 from drake_tc.logs.rig import parse_rig
-from drake_tc.report.comparison import comparison_json, effect_sentence
+from drake_tc.report.comparison import effect_sentence
 from drake_tc.types import GRAVITY
 from drake_tc.watch.changes import Known, Shift
 from drake_tc.watch.compare import EffectChange, EffectStatus
@@ -31,30 +31,26 @@ from drake_tc.watch.parameters import (
     with_discrepancy,
 )
 
-from .conftest import OWN_EFFECTS, QUICK
+from .conftest import OWN_EFFECTS, the_command_finds
 
 
-def test_the_same_joint_is_unchanged_and_a_change_lies_within_its_interval(diagnosed):
-    found = drake_tc.compare(diagnosed.model, [diagnosed.later(1)], options=QUICK)
-    assert found.verdict == "unchanged"
-    (joint,) = found.joints.values()
+def test_the_same_joint_is_unchanged_and_a_change_lies_within_its_interval(same):
+    assert same.verdict == "unchanged"
+    (joint,) = same.joints.values()
     linear = [p for p in joint.parameters if p.key in ("drive", "viscous", "coulomb", "deadzone")]
     assert len(linear) == 4 and all(p.change.ci95[0] <= 0.0 <= p.change.ci95[1] for p in linear)
     assert {e.key: e.status for e in joint.effects} == {"stribeck": "present", "deadzone": "present"}
     assert joint.floors_now < 2.0 and joint.floors_then < 2.0
 
 
-def test_worn_friction_is_named_with_its_size(diagnosed):
-    found = drake_tc.compare(diagnosed.model, [diagnosed.later(2, coulomb=1.3)], options=QUICK)
-    assert found.verdict == "parameters_changed"
-    (joint,) = found.joints.values()
+def test_worn_friction_is_named_with_its_size(worn):
+    assert worn.verdict == "parameters_changed"
+    (joint,) = worn.joints.values()
     assert [(p.key, p.name) for p in joint.parameters if p.changed] == [("coulomb", "coulomb")]
     coulomb = next(p for p in joint.parameters if p.key == "coulomb")
     assert coulomb.change.ci95[0] < 0.3 * 6.0 < coulomb.change.ci95[1]
     assert joint.floors_then > 3.0 * joint.floors_now
-    assert "coulomb changed by" in repr(found) and "image/png" in found._repr_html_()
-    document = comparison_json(found)
-    assert document["verdict"] == "parameters_changed"
+    assert "coulomb changed by" in repr(worn) and "image/png" in worn._repr_html_()
 
 
 def test_a_dead_zone_that_is_gone_is_told(diagnosed):
@@ -64,13 +60,15 @@ def test_a_dead_zone_that_is_gone_is_told(diagnosed):
     assert found.verdict == "parameters_changed"
 
 
-def test_the_command_writes_page_and_json_and_its_exit_code_tells(diagnosed, own_effects, tmp_path, capsys):
+def test_the_command_writes_page_and_json_and_its_exit_code_tells(diagnosed, worn, tmp_path, capsys):
     log = tmp_path / "today.csv"
-    diagnosed.later(2, coulomb=1.3).to_csv(log, index=False)
+    log.touch()
     out = tmp_path / "out"
-    code = run(["compare", "--model", str(diagnosed.model), "--log", str(log), "--out", str(out), "--json"])
+    with the_command_finds(worn):
+        code = run(["compare", "--model", str(diagnosed.model), "--log", str(log), "--out", str(out), "--json"])
     assert code == 1
     document = json.loads(capsys.readouterr().out)
+    assert document["verdict"] == "parameters_changed"
     assert document == json.loads((out / "compare.json").read_text(encoding="utf-8"))
     assert "coulomb changed by" in (out / "report.html").read_text(encoding="utf-8")
     named = yaml.safe_load((out / "model_now.yaml").read_text(encoding="utf-8"))["provenance"]["rig"]
@@ -96,15 +94,6 @@ def test_a_gap_between_two_encoders_is_the_one_of_the_gear():
     samples = SimpleNamespace(signals=signals, rows=rows, block=rows // 250)
     gap, (low, high) = gap_between_encoders(samples)
     assert gap == pytest.approx(8e-4, abs=1e-5) and low < 8e-4 < high and high - low < 2e-5
-
-
-def test_the_stored_model_may_lack_what_only_close_loop_writes(diagnosed, tmp_path):
-    document = yaml.safe_load(diagnosed.model.read_text(encoding="utf-8"))
-    document.pop("provenance")
-    bare = tmp_path / "bare.yaml"
-    bare.write_text(yaml.safe_dump(document), encoding="utf-8")
-    found = drake_tc.compare(bare, [diagnosed.later(1)], diagnosed.rig, options=OWN_EFFECTS)
-    assert found.verdict == "unchanged"
 
 
 def test_of_two_joints_the_one_that_changed_is_named(diagnosed, tmp_path):

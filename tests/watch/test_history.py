@@ -1,6 +1,7 @@
 """Trends against closed forms and by repetition, records, and the page."""
 
 import json
+from contextlib import nullcontext
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
@@ -14,6 +15,8 @@ from drake_tc.errors import ParamsError
 from drake_tc.report.comparison import history_page, history_sentences
 from drake_tc.watch.changes import Known
 from drake_tc.watch.history import Session, further_unit, read_history, trend_of, trends
+
+from .conftest import the_command_finds
 
 START = datetime(2026, 3, 1, tzinfo=UTC)
 
@@ -85,20 +88,22 @@ def test_a_page_of_one_session_promises_nothing():
     assert "A trend needs 3 sessions" in page and "1 session of 1 unit" in page and "No parameter drifts" not in page
 
 
-def test_the_command_keeps_sessions_and_models_of_units(diagnosed, own_effects, tmp_path):
-    """Without the search for structure and for effects that the joint lacks, of which a history says nothing."""
-    folder = tmp_path / "history"
-    for month, scale in enumerate((1.0, 1.1, 1.2)):
-        log = tmp_path / f"{month}.parquet"
-        diagnosed.later(month, coulomb=scale).to_parquet(log)
-        words = ["--model", diagnosed.model, "--log", log, "--out", tmp_path / "out", "--history", folder]
+def test_the_command_keeps_sessions_and_models_of_units(diagnosed, same, worn, own_effects, tmp_path):
+    """The first session and the last are comparisons that other tests look at; the others are computed."""
+    folder, logs = tmp_path / "history", [tmp_path / f"{month}.parquet" for month in range(3)]
+    diagnosed.later(5, coulomb=1.15).to_parquet(logs[1])
+    diagnosed.later(2, coulomb=1.3).to_parquet(logs[2])
+    logs[0].touch()
+    for month, known in enumerate((same, None, worn)):
+        words = ["--model", diagnosed.model, "--log", logs[month], "--out", tmp_path / "out", "--history", folder]
         words += ["--serial", "A 17", "--time", f"2026-0{month + 1}-01T00:00:00"]
-        assert run(["compare", *map(str, words)]) in (0, 1)
+        with the_command_finds(known) if known else nullcontext():
+            assert run(["compare", *map(str, words)]) in (0, 1)
     assert [s.time.month for s in read_history(folder)] == [1, 2, 3]
     assert sorted(path.name for path in folder.glob("*.yaml")) == ["A-17.yaml"]
     found = trends(read_history(folder), "A 17", "simulated_knee")["coulomb.coulomb"]
-    assert found.slope * 59.0 == pytest.approx(1.2, abs=0.3)
-    again = ["--model", folder / "A-17.yaml", "--rig", diagnosed.rig, "--log", tmp_path / "2.parquet"]
+    assert found.slope * 59.0 == pytest.approx(1.8, abs=0.3)
+    again = ["--model", folder / "A-17.yaml", "--rig", diagnosed.rig, "--log", logs[2]]
     assert run(["compare", *map(str, again), "--out", str(tmp_path / "again")]) == 0
     ranges = ["export", str(folder / "A-17.yaml"), "--ranges", "--to", "parquet", "--out", str(tmp_path / "r.parquet")]
     assert run(ranges) == 0
