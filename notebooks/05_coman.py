@@ -23,7 +23,7 @@
 # masses are published, motors, springs and friction are chosen or assumed. The paper is Faraji, Colasanto and Ijspeert,
 # *Practical considerations in using inverse dynamics on a humanoid robot: torque tracking, sensor fusion and Cartesian
 # control laws*, IROS 2015. The maths: [diagrams/sea_joint.md](../diagrams/sea_joint.md) for joints,
-# [drake_tc/estimation/base/README.md](../drake_tc/estimation/base/README.md) for the base.
+# [drake_tc/estimation/base.md](../drake_tc/estimation/base.md) for the base.
 
 # %%
 from dataclasses import replace

@@ -18,7 +18,7 @@ SHOWN = {
     "drake_tc/analysis/TUNING.md": "methods/tuning.md",
     "drake_tc/tsid/README.md": "methods/tsid.md",
     "drake_tc/tsid/qp.md": "methods/qp.md",
-    "drake_tc/estimation/base/README.md": "methods/base_estimation.md",
+    "drake_tc/estimation/base.md": "methods/base_estimation.md",
     "tests/benchmarks/REAL_LOGS.md": "real_logs.md",
     "diagrams/README.md": "methods/diagrams.md",
     "diagrams/limits.md": "methods/diagram_limits.md",

@@ -22,7 +22,7 @@ from drake_tc.config.quoted import json_value
 from drake_tc.errors import RigError
 
 if TYPE_CHECKING:
-    from drake_tc.estimation.base.evaluate import BaseResult
+    from drake_tc.estimation.base_log import BaseResult
     from drake_tc.estimation.off_line import OffLineFilter
     from drake_tc.estimation.robot_loads import RobotLogs
     from drake_tc.filtering.savitzky_golay import Window
@@ -148,8 +148,8 @@ def estimate_base_command(options: BaseOptions) -> None:
 
     Where the log has the true motion, the RMS errors are printed.
     """
-    from drake_tc.estimation.base.evaluate import evaluate_log
-    from drake_tc.estimation.base.rig import load_base_rig
+    from drake_tc.estimation.base_log import evaluate_log
+    from drake_tc.estimation.base_rig import load_base_rig
 
     rig, log, out, force = options.rig, options.log, options.out, options.force
     what = load_base_rig(rig)

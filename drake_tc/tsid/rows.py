@@ -216,6 +216,39 @@ class Terms:
         return bias
 
 
+class Task(Protocol):
+    """sum over rows of (weight (A y - a))^2 at a state, y = (vdot, f, tau).
+
+    Attributes:
+        name: Of the binding in a program and of the reference's port.
+        weight: (r,) of each row; it is squared in the cost.
+        reference_size: Of the vector that `rows` follows.
+    """
+
+    @property
+    def name(self) -> str:
+        """Of the task."""
+        ...
+
+    @property
+    def weight(self) -> FloatArray:
+        """Of each row."""
+        ...
+
+    @property
+    def reference_size(self) -> int:
+        """Of the vector that `rows` follows."""
+        ...
+
+    def rest(self, terms: Terms) -> FloatArray:
+        """The reference that asks for nothing where `terms` are: to stay, to rest, no force."""
+        ...
+
+    def rows(self, terms: Terms, reference: FloatArray) -> TaskRows:
+        """The rows at this state; never raises on numbers, a NaN stays one."""
+        ...
+
+
 class Limit(Protocol):
     """lower <= B y <= upper at a state, y = (vdot, f, tau).
 

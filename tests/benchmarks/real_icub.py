@@ -16,8 +16,8 @@ import numpy as np
 import yaml
 
 from drake_tc.errors import LogError
-from drake_tc.estimation.base.evaluate import BaseResult, evaluate_log
-from drake_tc.estimation.base.rig import load_base_rig
+from drake_tc.estimation.base_log import BaseResult, evaluate_log
+from drake_tc.estimation.base_rig import load_base_rig
 from tests.benchmarks.figures import BenchmarkRow
 
 DATA_SET = "icub-walking-base"

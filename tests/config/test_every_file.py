@@ -9,7 +9,7 @@ import pytest
 from drake_tc.actuation.model_file import load_model_file
 from drake_tc.control.torque_uncertainty_file import load_torque_uncertainty
 from drake_tc.errors import DrakeTcError
-from drake_tc.estimation.base.rig import load_base_rig
+from drake_tc.estimation.base_rig import load_base_rig
 from drake_tc.identification.motor_prior import load_motor_sheet
 from drake_tc.logs.rig import load_rig
 from drake_tc.loops.series_elastic.scenario import SeaScenario

@@ -14,7 +14,7 @@ import numpy as np
 from drake_tc.analysis.sweep import processes, sweep
 from drake_tc.diagrams.papers.expected_values import expectations
 from drake_tc.diagrams.papers.faraji2015.motions import BaseErrors, base_errors
-from drake_tc.estimation.base.kinematics import CONTACT_FLAGS
+from drake_tc.estimation.base_kinematics import CONTACT_FLAGS
 from drake_tc.loops.scenarios import PushSpec
 from drake_tc.loops.whole_body.running import TsidRecording, contact_wrenches, simulate_tsid, task_errors
 from drake_tc.loops.whole_body.scenario import TsidScenario

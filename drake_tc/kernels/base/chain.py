@@ -1,4 +1,4 @@
-"""A tick of the chain from a foot whose centre is taken to stand still, see `drake_tc.estimation.base.estimator`."""
+"""A tick of the chain from a foot whose centre is taken to stand still, see `drake_tc.estimation.base_estimator`."""
 
 import math
 from typing import Any

@@ -2,7 +2,7 @@
 
 Contacts on soft soles: the point that stands still is not in the sole's surface, but on the floor above it.
 
-See `drake_tc.estimation.base.estimator` for the shape g of a sole's table.
+See `drake_tc.estimation.base_estimator` for the shape g of a sole's table.
 """
 
 import math

@@ -1,7 +1,7 @@
 """What a tick of the base estimator is told, its validation, and what follows from it without the estimator's state.
 
 Missing readings and encoder spikes are replaced by the previous estimate, and flagged. Where contacts and IMU are and
-how they move is in the axes of the base, see `drake_tc.estimation.base.kinematics`.
+how they move is in the axes of the base, see `drake_tc.estimation.base_kinematics`.
 """
 
 import math
@@ -24,7 +24,7 @@ TRANSFORM, WEIGHT = 36, 54
 
 
 SAMPLE = together(VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR)
-"""See `drake_tc.estimation.base.kinematics.Sample`."""
+"""See `drake_tc.estimation.base_kinematics.Sample`."""
 ESTIMATOR = together(VECTOR, MATRIX, MATRIX, MATRIX, TABLE, MATRIX, MATRIX, INDEX)
 
 

@@ -1,6 +1,6 @@
 """The state of a base estimator: its parts, and their places in one vector.
 
-Without a decorator, as `equations`: `drake_tc.estimation.base.kinematics` uses it as it stands, and modules of kernels
+Without a decorator, as `equations`: `drake_tc.estimation.base_kinematics` uses it as it stands, and modules of kernels
 compile `memory_of`.
 """
 

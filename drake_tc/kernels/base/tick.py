@@ -1,4 +1,4 @@
-"""A tick of the base estimator by centres of pressure, see `drake_tc.estimation.base.estimator`."""
+"""A tick of the base estimator by centres of pressure, see `drake_tc.estimation.base_estimator`."""
 
 import math
 from typing import Any

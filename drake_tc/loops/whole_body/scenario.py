@@ -12,7 +12,7 @@ from drake_tc.config.records import check_choices
 from drake_tc.control.series_elastic import SeriesElasticSpec
 from drake_tc.control.torque_law import CompensationSpec
 from drake_tc.errors import ParamsError
-from drake_tc.estimation.base.estimator import METHODS
+from drake_tc.estimation.base_estimator import METHODS
 from drake_tc.loops.scenarios import PushSpec, ScenarioBase, check_run, check_seed
 from drake_tc.loops.whole_body.ground import GroundSpec
 from drake_tc.loops.whole_body.references import KnotSpec, SpanSpec

@@ -15,8 +15,8 @@ from pydrake.systems.primitives import ConstantVectorSource
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.actuation.wiring import apply_rotor_inertia
 from drake_tc.errors import ParamsError
-from drake_tc.estimation.base.estimator import BaseEstimator
-from drake_tc.estimation.base.rig import BaseEstimatorSpec, ContactSpec
+from drake_tc.estimation.base_estimator import BaseEstimator
+from drake_tc.estimation.base_rig import BaseEstimatorSpec, ContactSpec
 from drake_tc.estimation.joint_torque import JointTorqueEstimator
 from drake_tc.estimation.torque_model import TorqueModel
 from drake_tc.filtering.savitzky_golay import SavitzkyGolayFilter

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from estimation.base.constructed import REAL, Motion, construct, spec, walker
 
-from drake_tc.estimation.base.estimator import BaseEstimator, CopEstimator
-from drake_tc.estimation.base.kinematics import packed, unpacked
+from drake_tc.estimation.base_estimator import BaseEstimator, CopEstimator
+from drake_tc.estimation.base_kinematics import packed, unpacked
 
 from .machine import require
 

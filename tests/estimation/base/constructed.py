@@ -15,8 +15,8 @@ import numpy as np
 from pydrake.multibody.tree import JacobianWrtVariable
 from scipy.spatial.transform import Rotation
 
-from drake_tc.estimation.base.read_log import BaseTrack, SensorLog
-from drake_tc.estimation.base.rig import BaseEstimatorSpec, ContactSpec
+from drake_tc.estimation.base_log import BaseTrack, SensorLog
+from drake_tc.estimation.base_rig import BaseEstimatorSpec, ContactSpec
 from drake_tc.robot.fields import Mount, Pose
 from drake_tc.robot.plant import make_plant
 from drake_tc.robot.robot import Robot, load_robot

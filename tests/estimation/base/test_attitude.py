@@ -8,9 +8,9 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
-from drake_tc.estimation.base.estimator import CopEstimator
-from drake_tc.estimation.base.kinematics import CONTACT_MEMORY, initial_state, packed
-from drake_tc.estimation.base.read_log import run_log, track_error
+from drake_tc.estimation.base_estimator import CopEstimator
+from drake_tc.estimation.base_kinematics import CONTACT_MEMORY, initial_state, packed
+from drake_tc.estimation.base_log import run_log, track_error
 from drake_tc.kernels.base.attitude import corrected_up, filter_times, tilt_correction, turned_up
 from drake_tc.kernels.base.contacts import Slip, shown_vertical, slipping
 from drake_tc.kernels.base.sample import Given, Posture, options_of

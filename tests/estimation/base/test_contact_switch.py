@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from drake_tc.estimation.base.estimator import CopEstimator
+from drake_tc.estimation.base_estimator import CopEstimator
 from drake_tc.kernels.base.contacts import Slip, carries, slipping
 from drake_tc.kernels.base.sample import options_of
 

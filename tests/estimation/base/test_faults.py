@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drake_tc.estimation.base.estimator import CopEstimator
-from drake_tc.estimation.base.kinematics import CONTACT_FLAGS, FLAGS, SCALARS, Sample
-from drake_tc.estimation.base.read_log import run_log, track_error
+from drake_tc.estimation.base_estimator import CopEstimator
+from drake_tc.estimation.base_kinematics import CONTACT_FLAGS, FLAGS, SCALARS, Sample
+from drake_tc.estimation.base_log import run_log, track_error
 
 from .constructed import REAL, Motion, construct, spec, walker
 

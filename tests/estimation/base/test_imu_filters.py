@@ -7,8 +7,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 from drake_tc.errors import ParamsError
-from drake_tc.estimation.base.estimator import CopEstimator
-from drake_tc.estimation.base.read_log import run_log
+from drake_tc.estimation.base_estimator import CopEstimator
+from drake_tc.estimation.base_log import run_log
 from drake_tc.kernels.base.attitude import SLOPE_TIME, carried_to_tick
 
 from .constructed import Motion, construct, spec, walker

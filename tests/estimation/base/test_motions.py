@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from drake_tc.estimation.base.estimator import CopEstimator, FootCentreEstimator, FootCentreImuEstimator
-from drake_tc.estimation.base.read_log import run_log, track_error
+from drake_tc.estimation.base_estimator import CopEstimator, FootCentreEstimator, FootCentreImuEstimator
+from drake_tc.estimation.base_log import run_log, track_error
 
 from .constructed import REAL, Motion, construct, spec, walker
 

@@ -11,9 +11,8 @@ from numpy.testing import assert_allclose
 
 from drake_tc.cli.main import run
 from drake_tc.errors import LogError, RigError
-from drake_tc.estimation.base.evaluate import evaluate_log
-from drake_tc.estimation.base.read_log import read_base_log
-from drake_tc.estimation.base.rig import load_base_rig
+from drake_tc.estimation.base_log import evaluate_log, read_base_log
+from drake_tc.estimation.base_rig import load_base_rig
 
 from .constructed import REAL, ROOT, Motion, construct, walker
 

@@ -8,9 +8,9 @@ from numpy.testing import assert_allclose
 from scipy.optimize import brentq
 
 from drake_tc.errors import ParamsError
-from drake_tc.estimation.base.estimator import CopEstimator, soft_sole
-from drake_tc.estimation.base.read_log import run_log, track_error
-from drake_tc.estimation.base.rig import ContactSpec
+from drake_tc.estimation.base_estimator import CopEstimator, soft_sole
+from drake_tc.estimation.base_log import run_log, track_error
+from drake_tc.estimation.base_rig import ContactSpec
 from drake_tc.kernels.base.contacts import shape_of
 from drake_tc.kernels.base.sample import HALF_PLANES
 from drake_tc.robot.fields import Mount, Pose

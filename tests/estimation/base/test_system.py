@@ -9,8 +9,8 @@ from pydrake.math import RollPitchYaw
 from pydrake.multibody.tree import JacobianWrtVariable
 
 from drake_tc.errors import ParamsError
-from drake_tc.estimation.base.estimator import BaseEstimator, CopEstimator
-from drake_tc.estimation.base.kinematics import (
+from drake_tc.estimation.base_estimator import BaseEstimator, CopEstimator
+from drake_tc.estimation.base_kinematics import (
     CONTACT_FLAGS,
     CONTACT_MEMORY,
     FLAGS,
@@ -21,8 +21,8 @@ from drake_tc.estimation.base.kinematics import (
     place_of,
     unpacked,
 )
-from drake_tc.estimation.base.read_log import run_log
-from drake_tc.estimation.base.rig import BaseEstimatorSpec, ContactSpec
+from drake_tc.estimation.base_log import run_log
+from drake_tc.estimation.base_rig import BaseEstimatorSpec, ContactSpec
 from drake_tc.kernels.base import state as base_state
 from drake_tc.kernels.base.sample import posture_of, turning
 from drake_tc.kernels.base.state import size_of

@@ -6,8 +6,8 @@ from numpy.testing import assert_allclose
 from scipy.optimize import minimize
 
 from drake_tc.errors import ParamsError
-from drake_tc.estimation.base.estimator import rows_of, soles_of, solve_program
-from drake_tc.estimation.base.rig import ContactSpec, half_planes
+from drake_tc.estimation.base_estimator import rows_of, soles_of, solve_program
+from drake_tc.estimation.base_rig import ContactSpec, half_planes
 from drake_tc.kernels.base.velocity import UNSOLVED, VelocityProblem, into_sole, solve_velocity, write_program
 from drake_tc.robot.fields import Mount
 

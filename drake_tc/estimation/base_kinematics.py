@@ -27,7 +27,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import FixedOffsetFrame, QuaternionFloatingJoint
 
 from drake_tc.errors import ParamsError
-from drake_tc.estimation.base.rig import ContactSpec
+from drake_tc.estimation.base_rig import ContactSpec
 from drake_tc.kernels.base.state import (
     CONTACT_FLAGS,
     CONTACT_MEMORY,

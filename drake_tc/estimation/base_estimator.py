@@ -38,7 +38,7 @@ from daqp import solve  # type: ignore[import-not-found, import-untyped, unused-
 
 from drake_tc.array_stage import Arrays, ArrayStage, StageSystem, places
 from drake_tc.errors import ParamsError
-from drake_tc.estimation.base.kinematics import (
+from drake_tc.estimation.base_kinematics import (
     CONTACT_FLAGS,
     FLAGS,
     BaseKinematics,
@@ -49,7 +49,7 @@ from drake_tc.estimation.base.kinematics import (
     place_of,
     unpacked,
 )
-from drake_tc.estimation.base.rig import BaseEstimatorSpec, ContactSpec, Point2, half_planes
+from drake_tc.estimation.base_rig import BaseEstimatorSpec, ContactSpec, Point2, half_planes
 from drake_tc.kernels.calls import BASE_OUTPUTS, Kernel, KernelCall, copying
 from drake_tc.robot.robot import Robot
 from drake_tc.types import Call, FloatArray
