@@ -1,55 +1,85 @@
 """`drake-tc bode`: the frequency response between two ports, measured by stepped sines, and its linear prediction."""
 
 import json
+import math
 import sys
 from contextlib import nullcontext
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import numpy as np
 import typer
 
-from drake_tc.cli.out_files import Force, result_file
+from drake_tc.cli.options import Diagram, Force, ScenarioChoice, ScenarioSeed
+from drake_tc.cli.out_files import result_file
 from drake_tc.cli.terminal import print_wide, progress_bar
-from drake_tc.cli.usage import LARGEST_SEED
 from drake_tc.errors import ParamsError
 
 if TYPE_CHECKING:
+    from drake_tc.analysis.frequency_response import Sweep
     from drake_tc.cli.bode_measurement import BodeMeasurement
 
 LOWEST_DB = -80.0
 """Below this a phase says nothing, and is not printed."""
 
 
-def bode_command(
-    diagram: Annotated[
-        str,
-        typer.Argument(
-            help="Diagram name, or module:attribute of your own. An unknown name prints the available diagrams."
-        ),
-    ],
-    input: Annotated[str, typer.Option(help="SYSTEM:PORT or SYSTEM:PORT[i]. It is disconnected from its source.")],
-    output: Annotated[str, typer.Option(help="SYSTEM:PORT or SYSTEM:PORT[i].")],
-    lowest: Annotated[float, typer.Option("--from", help="Lowest frequency [Hz].")] = 0.5,
-    highest: Annotated[float, typer.Option("--to", help="Highest frequency [Hz].")] = 20.0,
-    points: Annotated[
-        int, typer.Option(min=1, help="Number of frequencies, evenly spaced on a logarithmic scale.")
-    ] = 10,
-    amplitude: Annotated[float, typer.Option(help="Amplitude of the sine [unit of the input].")] = 1.0,
-    at: Annotated[float, typer.Option(min=0.0, help="Time in the scenario at which the sweep starts [s].")] = 0.7,
+@dataclass(frozen=True, kw_only=True)
+class SteppedSine:
+    """Between which ports the response is measured, and by which sines."""
+
+    input: Annotated[str, typer.Option(help="SYSTEM:PORT or SYSTEM:PORT[i]. It is disconnected from its source.")]
+    output: Annotated[str, typer.Option(help="SYSTEM:PORT or SYSTEM:PORT[i].")]
+    lowest: Annotated[float, typer.Option("--from", help="Lowest frequency [Hz].")] = 0.5
+    highest: Annotated[float, typer.Option("--to", help="Highest frequency [Hz].")] = 20.0
+    points: Annotated[int, typer.Option(min=1, help="Number of frequencies, evenly spaced on a logarithmic scale.")] = (
+        10
+    )
+    amplitude: Annotated[float, typer.Option(help="Amplitude of the sine [unit of the input].")] = 1.0
+    at: Annotated[float, typer.Option(min=0.0, help="Time in the scenario at which the sweep starts [s].")] = 0.7
     settle: Annotated[
         float, typer.Option(min=0.0, help="Settling time before each measurement [s]; at least two periods.")
-    ] = 0.5,
-    measure: Annotated[float, typer.Option(help="Duration of each measurement [s]; at least two periods.")] = 1.0,
-    prediction: Annotated[bool, typer.Option(help="Also compute the response of the linearised diagram.")] = True,
-    scenario_name: Annotated[str | None, typer.Option(help="Scenario; the file's first when left out.")] = None,
-    scenario_file: Annotated[Path | None, typer.Option(help="Scenario file (YAML) of your own.")] = None,
-    scenario_text: Annotated[str | None, typer.Option(help="YAML of fields to change.")] = None,
-    seed: Annotated[int | None, typer.Option(min=0, max=LARGEST_SEED, help="Seed instead of the scenario's.")] = None,
-    plot: Annotated[Path | None, typer.Option(help="File for the Bode plot (PNG, SVG or PDF).")] = None,
-    force: Force = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")] = False,
-) -> None:
+    ] = 0.5
+    measure: Annotated[float, typer.Option(help="Duration of each measurement [s]; at least two periods.")] = 1.0
+
+    def sweep(self) -> "Sweep":
+        """Frequencies, amplitude and times.
+
+        Raises:
+            ParamsError: frequencies out of order.
+        """
+        import numpy as np
+
+        from drake_tc.analysis.frequency_response import Sweep
+
+        low, high = self.lowest, self.highest
+        if not 0.0 < low <= high < math.inf:
+            raise ParamsError(f"bode: expected 0 < --from <= --to [Hz], got {low:g} and {high:g}")
+        frequencies = np.geomspace(low, high, self.points).tolist()
+        return Sweep(tuple(frequencies), self.amplitude, self.settle, self.measure)
+
+
+@dataclass(frozen=True, kw_only=True)
+class BodeScenario(ScenarioChoice):
+    """A scenario, whose help shows no example of changes."""
+
+    scenario_text: Annotated[str | None, typer.Option(help="YAML of fields to change.")] = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class BodeOptions:
+    """Options of `drake-tc bode`."""
+
+    diagram: Diagram
+    sine: SteppedSine
+    prediction: Annotated[bool, typer.Option(help="Also compute the response of the linearised diagram.")] = True
+    scenario: BodeScenario
+    seed: ScenarioSeed = None
+    plot: Annotated[Path | None, typer.Option(help="File for the Bode plot (PNG, SVG or PDF).")] = None
+    force: Force = False
+    as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")] = False
+
+
+def bode_command(options: BodeOptions) -> None:
     """Measure a Bode table between two ports of a diagram by sines, beside the prediction of its linearisation.
 
     The input is held at its value at the time --at, and a sine is added. The diagram runs as its scenario says, with
@@ -57,30 +87,31 @@ def bode_command(
     often a phase exceeds 360 degrees; without it, phases are in (-180, 180]. Notes name frequencies without a steady
     response, and unstable loops.
     """
-    from drake_tc.analysis.frequency_response import Sweep, channel
+    from drake_tc.analysis.frequency_response import channel
     from drake_tc.cli.bode_measurement import BodeRequest, measure_bode
-    from drake_tc.registry import runnable
 
-    if not 0.0 < lowest <= highest < np.inf:
-        raise ParamsError(f"bode: expected 0 < --from <= --to [Hz], got {lowest:g} and {highest:g}")
+    diagram, sine, plot = options.diagram, options.sine, options.plot
+    sweep = sine.sweep()
     if plot is not None and plot.suffix.lower() not in (".png", ".svg", ".pdf"):
         raise ParamsError(f"bode: expected --plot FILE.png, .svg or .pdf, got {plot}")
-    entry = runnable(diagram).naming(scenario_file, scenario_text)
-    scenario = entry.scenario(scenario_name, scenario_file, scenario_text).changed(seed=seed)
-    sweep = Sweep(tuple(np.geomspace(lowest, highest, points).tolist()), amplitude, settle, measure)
-    request = BodeRequest(entry, scenario, (channel(input), channel(output)), at, sweep, prediction)
-    place = nullcontext() if plot is None else result_file(plot, "--plot", inputs=[scenario_file], force=force)
-    with place as drawn, progress_bar(f"bode {diagram}", quiet=as_json) as progress:
+    entry = options.scenario.entry(diagram)
+    scenario = options.scenario.of(entry).changed(seed=options.seed)
+    ports = channel(sine.input), channel(sine.output)
+    request = BodeRequest(entry, scenario, ports, sine.at, sweep, options.prediction)
+    inputs = [options.scenario.scenario_file]
+    place = nullcontext() if plot is None else result_file(plot, "--plot", inputs=inputs, force=options.force)
+    with place as drawn, progress_bar(f"bode {diagram}", quiet=options.as_json) as progress:
         found = measure_bode(request, progress)
         if drawn is not None:
-            _plot(found, f"{diagram}: {output} over {input}", drawn)
-    if as_json:
-        print(json.dumps({"diagram": diagram, "input": input, "output": output, "at": at, **found.to_json()}))
+            _plot(found, f"{diagram}: {sine.output} over {sine.input}", drawn)
+    if options.as_json:
+        what = {"diagram": diagram, "input": sine.input, "output": sine.output, "at": sine.at}
+        print(json.dumps({**what, **found.to_json()}))
     else:
         _print(found)
     for note in found.notes:
         print(f"bode: {note}", file=sys.stderr)
-    if plot is not None and not as_json:
+    if plot is not None and not options.as_json:
         print(plot)
 
 

@@ -11,10 +11,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from drake_tc.analysis.sweep import processes
-from drake_tc.cli.out_files import Force, result_folder
-from drake_tc.cli.terminal import print_wide, progress_bar
-from drake_tc.cli.usage import LARGEST_SEED, Declared, tell_declared
+from drake_tc.cli.options import LARGEST_SEED, Declared, Force
+from drake_tc.cli.out_files import result_folder
+from drake_tc.cli.terminal import print_wide, progress_bar, tell_declared
 from drake_tc.errors import LogError
 
 if TYPE_CHECKING:
@@ -66,20 +65,52 @@ class _Files:
     declared: Path | None = None
 
 
-def close_loop_command(
+@dataclass(frozen=True, kw_only=True)
+class RigFiles:
+    """A rig file and its logs, or nothing for the demo's."""
+
     rig: Annotated[
         Path | None,
         typer.Option(help="Rig file (YAML): joints, drives, columns, and what your model already contains."),
-    ] = None,
-    log: Annotated[list[Path] | None, typer.Option(help="A run to fit; repeat for more.")] = None,
-    holdout: Annotated[
-        list[Path] | None, typer.Option(help="A run that only tests the result; repeat for more.")
-    ] = None,
-    declared: Declared = None,
-    out: Annotated[Path, typer.Option(help="Folder for report.html, report.json and the models.")] = Path("out"),
+    ] = None
+    log: Annotated[list[Path] | None, typer.Option(help="A run to fit; repeat for more.")] = None
+    holdout: Annotated[list[Path] | None, typer.Option(help="A run that only tests the result; repeat for more.")] = (
+        None
+    )
+    declared: Declared = None
+
+    def given(self) -> _Files | None:
+        """The files; None where there is no rig.
+
+        Raises:
+            LogError: one of them is missing.
+        """
+        log, holdout = self.log or [], self.holdout or []
+        if self.rig is None and (log or holdout):
+            raise LogError(
+                "expected --rig RIG.yaml with --log and --holdout, got none; it says what the columns of the logs are"
+            )
+        if self.rig is not None and not (log and holdout):
+            raise LogError(
+                "expected at least one --log RUN to fit and one --holdout RUN to test, got "
+                f"{len(log)} and {len(holdout)}"
+            )
+        if self.declared is not None and self.rig is None:
+            raise LogError(
+                "expected --rig RIG.yaml with --declared, got none; it says what the columns of the logs are"
+            )
+        return None if self.rig is None else _Files(self.rig, log, holdout, self.declared)
+
+
+@dataclass(frozen=True, kw_only=True)
+class CloseLoopOptions:
+    """Options of `drake-tc close-loop`."""
+
+    files: RigFiles = RigFiles()
+    out: Annotated[Path, typer.Option(help="Folder for report.html, report.json and the models.")] = Path("out")
     seed: Annotated[
         int, typer.Option(min=0, max=LARGEST_SEED, help="Seed of what is drawn at random, and of the demo's rig.")
-    ] = 0,
+    ] = 0
     closed_loop: Annotated[
         bool,
         typer.Option(
@@ -87,10 +118,10 @@ def close_loop_command(
             help="Simulate torque control with both models. The plant is the model after, so the improvement is an"
             " upper bound.",
         ),
-    ] = True,
+    ] = True
     check: Annotated[
         bool, typer.Option("--check/--no-check", help="Also write a check of the logs: check.html, check.json.")
-    ] = False,
+    ] = False
     mcap: Annotated[
         bool,
         typer.Option(
@@ -98,7 +129,7 @@ def close_loop_command(
             help="Also write residuals.mcap: measured and modelled effort and position over time, for Foxglove, Rerun"
             " or PlotJuggler.",
         ),
-    ] = False,
+    ] = False
     try_export: Annotated[
         ExportTarget | None,
         typer.Option(
@@ -106,31 +137,25 @@ def close_loop_command(
             " (drake-urdf, urdf, sdf) or by BAM's equations (bam). The report compares its error with that of the model"
             " and of the file of --declared, and says what is lost."
         ),
-    ] = None,
-    force: Force = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print report.json to stdout instead of the tables.")] = False,
-) -> None:
+    ] = None
+    force: Force = False
+    as_json: Annotated[bool, typer.Option("--json", help="Print report.json to stdout instead of the tables.")] = False
+
+
+def close_loop_command(options: CloseLoopOptions) -> None:
     """Find what a joint's model lacks, add it, and report the error before and after.
 
     Without --rig it does what `drake-tc demo` does: a bench whose model lacks two effects is simulated and diagnosed.
     """
-    if rig is None and (log or holdout):
-        raise LogError(
-            "expected --rig RIG.yaml with --log and --holdout, got none; it says what the columns of the logs are"
-        )
-    if rig is not None and not (log and holdout):
-        raise LogError(
-            "expected at least one --log RUN to fit and one --holdout RUN to test, got "
-            f"{len(log or [])} and {len(holdout or [])}"
-        )
-    if declared is not None and rig is None:
-        raise LogError("expected --rig RIG.yaml with --declared, got none; it says what the columns of the logs are")
-    if rig is not None:
-        tell_declared("close-loop", rig, declared)
-    read = [rig, declared, *(log or []), *(holdout or [])]
+    from drake_tc.analysis.sweep import processes
+
+    given, out, seed, to = options.files.given(), options.out, options.seed, options.try_export
+    if given is not None:
+        tell_declared("close-loop", given.rig, given.declared)
+    read = [] if given is None else [given.rig, given.declared, *given.log, *given.holdout]
     with (
-        result_folder(out, "--out", names=FILES, inputs=read, force=force) as folder,
-        progress_bar("close-loop", quiet=as_json) as progress,
+        result_folder(out, "--out", names=FILES, inputs=read, force=options.force) as folder,
+        progress_bar("close-loop", quiet=options.as_json) as progress,
         processes(2, preload=LOADED_BY_WORKERS) as pool,
     ):
         from drake_tc.analysis.before_after.comparison import compare_loops
@@ -140,32 +165,37 @@ def close_loop_command(
         from drake_tc.report.report_json import result_json
         from drake_tc.report.residual_bag import FILE, require_rosbags, save_residuals
 
-        if rig is None:
-            files = _demo(out / "demo_logs", seed, force, progress)
-        else:
-            files = _Files(rig, log or [], holdout or [], declared)
-        if try_export is not None:
-            _require_runner(files.rig, try_export)
-        if mcap:
+        files = _demo(out / "demo_logs", seed, options.force, progress) if given is None else given
+        if to is not None:
+            _require_runner(files.rig, to)
+        if options.mcap:
             require_rosbags()
-        if check:
+        if options.check:
             from drake_tc.cli.log_commands import write_check
             from drake_tc.experiments.check.run import check_rig
 
-            write_check(check_rig(files.rig, files.log, progress, declared), folder)
-        options = DiagnosisOptions(seed=seed)
-        result = close_loop(files.rig, files.log, files.holdout, options, rig_free_run, progress, pool, declared)
-        if closed_loop and not result.has_wrong_set_up:
+            write_check(check_rig(files.rig, files.log, progress, files.declared), folder)
+        result = close_loop(
+            files.rig,
+            files.log,
+            files.holdout,
+            DiagnosisOptions(seed=seed),
+            rig_free_run,
+            progress,
+            pool,
+            files.declared,
+        )
+        if options.closed_loop and not result.has_wrong_set_up:
             found = compare_loops(result, seed, progress, pool)
             result = replace(result, closed_loop=found, seconds=result.seconds + found.seconds)
-        if try_export is not None:
-            progress(f"running the export to {try_export.value}", 0.0)
-            result = _with_export(result, try_export, files)
+        if to is not None:
+            progress(f"running the export to {to.value}", 0.0)
+            result = _with_export(result, to, files)
         progress("writing the report", 0.95)
         result = write_results(result, folder, pool, out)
-        if mcap:
+        if options.mcap:
             save_residuals(result, folder / FILE)
-    if as_json:
+    if options.as_json:
         print(json.dumps(result_json(result), indent=1))
     else:
         print_summary(result, out)
@@ -218,7 +248,7 @@ def demo_command(
     It records three logs of a simulated joint whose model lacks two effects, runs close-loop on them, and prints the
     path of the report in its last line. It needs no files, and takes less than a minute.
     """
-    close_loop_command(out=out, seed=seed, force=force, as_json=as_json)
+    close_loop_command(CloseLoopOptions(out=out, seed=seed, force=force, as_json=as_json))
     if not as_json:
         print(out / "report.html")
 

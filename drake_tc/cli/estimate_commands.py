@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 import typer
 
 from drake_tc.cli.options import Force, UnusedSeed
@@ -171,6 +170,8 @@ def estimate_base_command(options: BaseOptions) -> None:
 
 
 def _print(result: "BaseResult") -> None:
+    import numpy as np
+
     last, angle = result.estimate.position[-1], float(np.degrees(result.estimate.rpy[-1, 2]))
     print(
         f"{len(result.estimate.time)} samples, {result.estimate.time[-1]:.1f} s; base at the end:"

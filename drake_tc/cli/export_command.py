@@ -3,17 +3,14 @@
 import json
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from enum import StrEnum
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-import typer
-
-from drake_tc.cli.export_ranges import RangesRequest, export_ranges
-from drake_tc.cli.out_files import Force, result_file, result_folder
+from drake_tc.cli.export_options import ExportOptions, Target
+from drake_tc.cli.export_ranges import export_ranges
+from drake_tc.cli.out_files import result_file, result_folder
 from drake_tc.cli.terminal import print_wide
-from drake_tc.cli.usage import LARGEST_SEED
 from drake_tc.config.quoted import json_value
 from drake_tc.errors import ParamsError
 
@@ -23,110 +20,15 @@ if TYPE_CHECKING:
     from drake_tc.actuation.model import ActuatorModel
     from drake_tc.actuation.remainder import Remainder
     from drake_tc.diagnosis.result.applications import ExportErrors
-    from drake_tc.exchange.actuator_configs import ServoSettings
     from drake_tc.exchange.projection import Projection
     from drake_tc.exchange.trial import Exported
-
-
-class Target(StrEnum):
-    """Where to."""
-
-    mjcf = "mjcf"
-    mjlab = "mjlab"
-    playground = "playground"
-    newton = "newton"
-    urdf = "urdf"
-    drake_urdf = "drake-urdf"
-    sdf = "sdf"
-    isaaclab = "isaaclab"
-    isaaclab_bam = "isaaclab-bam"
-    bam = "bam"
-    parquet = "parquet"
-    c = "c"
 
 
 MJCF = (Target.mjcf, Target.playground, Target.newton)
 """Targets whose file is an MJCF file."""
 
 
-def export_command(
-    model: Annotated[Path, typer.Argument(help="Model file (YAML) of close-loop or identify.")],
-    to: Annotated[
-        Target, typer.Option(metavar="TARGET", help=f"Simulator for which the model is written: {', '.join(Target)}.")
-    ],
-    into: Annotated[
-        Path | None, typer.Option(help="Your own file; the parameters are merged into a copy of it.")
-    ] = None,
-    out: Annotated[Path | None, typer.Option(help="File to write; stdout when left out.")] = None,
-    joint: Annotated[list[str] | None, typer.Option(help="Only this joint; repeat. All when left out.")] = None,
-    rig: Annotated[Path | None, typer.Option(help="Rig file of the runs of --log and --holdout.")] = None,
-    log: Annotated[
-        list[Path] | None, typer.Option(help="A run whose speeds weight the refit of friction; repeat for more.")
-    ] = None,
-    holdout: Annotated[
-        list[Path] | None,
-        typer.Option(
-            help="A run to try the export on: in MuJoCo (mjcf), Drake (drake-urdf, urdf, sdf), BAM's equations (bam);"
-            " repeat for more."
-        ),
-    ] = None,
-    page: Annotated[
-        Path | None, typer.Option(help="HTML file with the lost effects, the errors and the written parameters.")
-    ] = None,
-    torque_constant: Annotated[
-        float | None,
-        typer.Option(
-            help="Torque constant of the data sheet [N m/A] of a drive on a voltage: needed by bam and isaaclab-bam;"
-            " makes a dcmotor in mjcf and newton, a BuiltinDcMotorActuatorCfg in mjlab and a DCMotorCfg in isaaclab."
-        ),
-    ] = None,
-    supply_voltage: Annotated[
-        float | None, typer.Option(help="Supply voltage of the servo [V]: needed by isaaclab-bam.")
-    ] = None,
-    position_gain: Annotated[
-        float | None,
-        typer.Option(
-            help="Gain of the servo's own position loop, motor voltage per error [V/rad]: needed by isaaclab-bam."
-        ),
-    ] = None,
-    ranges: Annotated[
-        bool,
-        typer.Option(
-            "--ranges",
-            help="Write how far each parameter may be randomised instead of the model: terms of mjlab, events of Isaac"
-            " Lab, a function for MuJoCo Playground, or samples (parquet).",
-        ),
-    ] = False,
-    report: Annotated[
-        Path | None,
-        typer.Option(help="report.json with the intervals for --ranges; that beside the model when left out."),
-    ] = None,
-    unit: Annotated[
-        list[Path] | None,
-        typer.Option(
-            help="Model file of another unit of the same robot, diagnosed alike: the spread between units is part of"
-            " --ranges; repeat for more."
-        ),
-    ] = None,
-    remainder: Annotated[
-        Path | None,
-        typer.Option(
-            help="Folder for the remainder of each joint as an ONNX network, with --to isaaclab, isaaclab-bam or"
-            " newton; no exported actuator uses it by itself."
-        ),
-    ] = None,
-    robot: Annotated[
-        Path | None, typer.Option(help="Robot file with a fixed base: adds inverse dynamics and gravity to --to c.")
-    ] = None,
-    kp: Annotated[float, typer.Option(help="Torque feedback of --to c [-].")] = 0.0,
-    ki: Annotated[float, typer.Option(help="Integral of the torque error of --to c [1/s].")] = 0.0,
-    period: Annotated[float, typer.Option(help="Period of the calls of --to c [s].")] = 1e-3,
-    window: Annotated[int, typer.Option(help="Samples of the position filter of --to c.")] = 80,
-    samples: Annotated[int, typer.Option(min=1, help="Rows of --ranges --to parquet.")] = 1000,
-    force: Force = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print terms, losses and errors as JSON.")] = False,
-    seed: Annotated[int, typer.Option(min=0, max=LARGEST_SEED, help="Seed of the draws of --ranges.")] = 0,
-) -> None:
+def export_command(options: ExportOptions) -> None:
     """Write the model in the parameters of another simulator, and list the effects that it cannot express.
 
     Friction that the target lacks (Stribeck friction in most) is replaced by a refit of the friction that it has; the
@@ -152,52 +54,37 @@ def export_command(
     from drake_tc.exchange.trial import RUNS, Exported, changes, export_page, sentences
     from drake_tc.report.sections import cells, headings
 
-    if (log or holdout) and rig is None:
+    to, out, into, runs = options.to, options.out, options.into, options.runs
+    if (runs.log or runs.holdout) and runs.rig is None:
         raise ParamsError(
             "export: expected --rig RIG.yaml with --log and --holdout, got none; it says what the columns of the logs"
             " are"
         )
-    if ranges:
-        refused = {"--into": into, "--holdout": holdout, "--page": page, "--remainder": remainder}
+    if options.ranges:
+        refused = {"--into": into, "--holdout": runs.holdout, "--page": runs.page, "--remainder": options.remainder}
         given = [name for name, value in refused.items() if value]
         if given:
             raise ParamsError(f"export --ranges: {given[0]} has no use here; leave it out")
-        export_ranges(
-            RangesRequest(
-                model,
-                to.value,
-                out,
-                joint,
-                report,
-                unit or (),
-                samples,
-                seed,
-                torque_constant,
-                _speeds(rig, log or [], list(load_model_file(model).models)),
-                force,
-                as_json,
-            )
-        )
+        export_ranges(options)
         return
-    if report is not None or unit:
-        raise ParamsError(
-            f"export: {'--report' if report is not None else '--unit'} belongs to --ranges, which is missing"
-        )
+    if options.report is not None or options.unit:
+        given_for = "--report" if options.report is not None else "--unit"
+        raise ParamsError(f"export: {given_for} belongs to --ranges, which is missing")
     if to is Target.parquet:
         raise ParamsError("export --to parquet writes samples: add --ranges")
-    read = load_model_file(model)
-    models = _chosen(read.models, joint, model)
+    read = load_model_file(options.model)
+    models = _chosen(read.models, options.joint, options.model)
     remainders = {name: each for name, each in read.remainders.items() if name in models}
-    of_remainders, networks = _remainders(remainders, models, to, remainder)
+    of_remainders, networks = _remainders(remainders, models, to, options.remainder)
     if to is Target.c:
-        export_c(CRequest(model, out, robot, kp, ki, period, window, force, as_json, of_remainders), models)
+        export_c(options, models, of_remainders)
         return
-    if holdout and to.value not in RUNS:
+    if runs.holdout and to.value not in RUNS:
         raise ParamsError(
             f"export: --holdout needs a target that can be simulated; expected --to {', '.join(RUNS)}, got --to"
             f" {to.value}"
         )
-    speeds = _speeds(rig, log or [], list(models))
+    speeds, torque_constant = runs.speeds(list(models)), options.servo.torque_constant
     projections = []
     for name, each in models.items():
         target = vocabulary(to.value, each.drive.kind, torque_constant)
@@ -206,7 +93,7 @@ def export_command(
             projection = with_torque_constant(projection, torque_constant, target)
         projections.append(projection)
     if to is Target.isaaclab_bam:
-        settings = _servo_settings(supply_voltage, position_gain)
+        settings = options.servo.settings()
         projections = [limited_by_supply(each, settings) for each in projections]
         text = to_isaaclab_bam(projections, into, settings)
     else:
@@ -214,10 +101,9 @@ def export_command(
     text, of_links = with_links(text, "mjcf" if to in MJCF else to.value, into, read.shared, read.links)
     errors: list[ExportErrors] = []
     notes: list[str] = []
-    if holdout and rig is not None:
-        errors, notes = _errors(
-            models, Exported(projections, to.value, into, None if into is None else text), rig, holdout
-        )
+    if runs.holdout and runs.rig is not None:
+        exported = Exported(projections, to.value, into, None if into is None else text)
+        errors, notes = _errors(models, exported, runs.rig, runs.holdout)
     notes += _file_notes(to, text, projections, into)
     if into is not None and to is not Target.bam:
         notes += changes(text, projections, into)
@@ -225,25 +111,24 @@ def export_command(
     notes += of_remainders
     notes += of_links
     lines = (*sentences(projections, TARGETS[to.value]), *notes)
-    inputs = [model, into, rig, *(log or []), *(holdout or [])]
+    inputs = [options.model, into, *runs.files]
     runner = RUNS[to.value].name if errors else ""
-    if page is not None:
-        trial = ExportTrial(to.value, TARGETS[to.value].name, runner, model.name, lines, tuple(errors))
-        with result_file(page, "--page", inputs=inputs, force=force) as path:
+    if runs.page is not None:
+        trial = ExportTrial(to.value, TARGETS[to.value].name, runner, options.model.name, lines, tuple(errors))
+        with result_file(runs.page, "--page", inputs=inputs, force=options.force) as path:
             path.write_text(export_page(trial, projections, TARGETS[to.value]), encoding="utf-8")
     if out is not None:
-        with result_file(out, "--out", inputs=inputs, force=force) as path:
+        with result_file(out, "--out", inputs=inputs, force=options.force) as path:
             path.write_text(text, encoding="utf-8")
-    written = _write_networks(networks, remainder, inputs, force=force)
-    if as_json:
+    written = _write_networks(networks, options.remainder, inputs, force=options.force)
+    if options.as_json:
         document = _document(to, projections, errors, out) | {"networks": list(map(str, written)), "notes": notes}
         print(json.dumps(json_value(document), indent=1))
         return
     if out is None:
         sys.stdout.write(text)
-    shown = sys.stderr if out is None else sys.stdout
     for line in lines:
-        print(line, file=shown)
+        print(line, file=options.shown)
     if errors:
         title = "RMS error of the free-running position"
         print_wide(
@@ -251,11 +136,11 @@ def export_command(
             cells(errors, {name: JointUnits(each.joint_type) for name, each in models.items()}),
             left=("joint", "run"),
             title=title,
-            file=shown,
+            file=options.shown,
         )
-    for place in (page, *written, out):
+    for place in (runs.page, *written, out):
         if place is not None:
-            print(place, file=shown)
+            print(place, file=options.shown)
 
 
 def _chosen(
@@ -265,17 +150,6 @@ def _chosen(
         if name not in models:
             raise ParamsError(f"{path}: no joint {name!r}; joints: {', '.join(models)}")
     return {name: each for name, each in models.items() if not joints or name in joints}
-
-
-def _servo_settings(supply_voltage: float | None, position_gain: float | None) -> "ServoSettings":
-    from drake_tc.exchange.actuator_configs import ServoSettings
-
-    if supply_voltage is None or position_gain is None:
-        raise ParamsError(
-            "export --to isaaclab-bam: expected --supply-voltage and --position-gain of the servo, got"
-            f" {supply_voltage} and {position_gain}; logs of the motor voltage do not contain them"
-        )
-    return ServoSettings(supply_voltage, position_gain)
 
 
 def _writer(to: Target) -> "Callable[[Sequence[Projection], Path | None], str]":
@@ -295,20 +169,6 @@ def _writer(to: Target) -> "Callable[[Sequence[Projection], Path | None], str]":
         Target.isaaclab: to_isaaclab,
         Target.bam: to_bam,
     }[to]
-
-
-def _speeds(rig: Path | None, logs: Sequence[Path], joints: Sequence[str]) -> dict[str, Any]:
-    """(T,) velocities and loads of each joint in the runs to fit; None for loads that are not known."""
-    if rig is None or not logs:
-        return {}
-    from drake_tc.exchange.trial import recorded_loads, recorded_speeds
-    from drake_tc.logs.prepare import load_runs
-    from drake_tc.logs.rig import load_rig
-
-    what = load_rig(rig)
-    runs = load_runs(logs, what)
-    loads = recorded_loads(runs, what, joints)
-    return {name: (each, loads.get(name)) for name, each in recorded_speeds(runs, what, joints).items()}
 
 
 def _not_in_newton_metres(model: "ActuatorModel") -> str:
@@ -405,59 +265,40 @@ def _document(
     }
 
 
-@dataclass(frozen=True)
-class CRequest:
-    """What was asked for with `--to c`: see the options of `export`."""
-
-    model: Path
-    out: Path | None
-    robot: Path | None
-    kp: float
-    ki: float
-    period: float
-    window: int
-    force: bool
-    as_json: bool
-    notes: Sequence[str]
-
-
-def export_c(request: CRequest, models: "Mapping[str, ActuatorModel]") -> None:
+def export_c(options: ExportOptions, models: "Mapping[str, ActuatorModel]", notes: Sequence[str]) -> None:
     """Write the torque control of a model's joints as one C99 file and its header, and print what they hold.
 
     Args:
-        request: The options.
+        options: Of the command.
         models: Joint to its drive.
+        notes: Sentences on what is not written.
 
     Raises:
         ParamsError: no file to write, or what cannot be written in C.
     """
-    from drake_tc.exchange.c_code import CSpec, to_c
+    from drake_tc.exchange.c_code import to_c
     from drake_tc.robot.link_changes import link_changes
     from drake_tc.robot.robot import load_robot
 
-    if request.out is None or request.out.suffix != ".c":
-        raise ParamsError(
-            f"export --to c: expected --out NAME.c, beside which NAME.h is written, got {request.out or 'none'}"
-        )
-    spec = CSpec(name=request.out.stem, dt=request.period, window=request.window, kp=request.kp, ki=request.ki)
+    out, file = options.out, options.code.robot
+    if out is None or out.suffix != ".c":
+        raise ParamsError(f"export --to c: expected --out NAME.c, beside which NAME.h is written, got {out or 'none'}")
+    spec = options.code.spec(out.stem)
     robot = None
-    if request.robot is not None:
-        robot = replace(load_robot(request.robot, found_links=False), changes=link_changes(request.model))
+    if file is not None:
+        robot = replace(load_robot(file, found_links=False), changes=link_changes(options.model))
     files = to_c(models, robot, spec)
-    paths = (request.out, request.out.with_suffix(".h"))
+    paths = (out, out.with_suffix(".h"))
     for path, text in zip(paths, (files.source, files.header), strict=True):
-        with result_file(path, "--out", inputs=[request.model, request.robot], force=request.force) as place:
+        with result_file(path, "--out", inputs=[options.model, file], force=options.force) as place:
             place.write_text(text, encoding="utf-8")
     joints = list(models) if robot is None else list(robot.joints)
-    if request.as_json:
-        print(
-            json.dumps(
-                {"name": "export", "to": "c", "files": list(map(str, paths)), "joints": joints, "notes": request.notes}
-            )
-        )
+    if options.as_json:
+        what = {"name": "export", "to": "c", "files": list(map(str, paths))}
+        print(json.dumps({**what, "joints": joints, "notes": notes}))
         return
     print(f"joints: {', '.join(joints)}")
-    for note in request.notes:
+    for note in notes:
         print(note)
     if robot is None:
         print("no inverse dynamics, gravity and external torques: add --robot ROBOT.yaml with a fixed base")

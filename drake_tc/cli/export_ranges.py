@@ -3,10 +3,9 @@
 import json
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from drake_tc.cli.export_options import ExportOptions, Target
 from drake_tc.cli.out_files import result_file
 from drake_tc.cli.terminal import print_wide
 from drake_tc.config.quoted import json_value
@@ -14,36 +13,18 @@ from drake_tc.errors import ParamsError
 
 if TYPE_CHECKING:
     from drake_tc.exchange.ranges.posterior import Posterior
-    from drake_tc.exchange.ranges.program import Recorded, TermRanges
+    from drake_tc.exchange.ranges.program import TermRanges
 
 TARGETS_OF_RANGES = ("mjlab", "isaaclab", "playground", "parquet")
 PROJECTED = 600
 """Draws that are projected into the terms of a simulator."""
 
 
-@dataclass(frozen=True)
-class RangesRequest:
-    """What was asked for: see the options of `export`."""
-
-    model: Path
-    to: str
-    out: Path | None
-    joints: Sequence[str] | None
-    report: Path | None
-    units: Sequence[Path]
-    samples: int
-    seed: int
-    torque_constant: float | None
-    recorded: "Recorded"
-    force: bool
-    as_json: bool
-
-
-def export_ranges(request: RangesRequest) -> None:
+def export_ranges(options: ExportOptions) -> None:
     """Write the ranges, and print the distributions with what the logs could not show.
 
     Args:
-        request: Options of the command.
+        options: Of the command.
 
     Raises:
         ParamsError: a target without ranges, Parquet without a file, or files that cannot be used.
@@ -52,44 +33,47 @@ def export_ranges(request: RangesRequest) -> None:
     from drake_tc.exchange.ranges.program import as_document, save_samples
     from drake_tc.exchange.ranges.unit import read_unit
 
-    if request.to not in TARGETS_OF_RANGES:
-        raise ParamsError(f"export --ranges: expected --to {', '.join(TARGETS_OF_RANGES)}, got --to {request.to}")
-    if request.to == "parquet" and request.out is None:
+    to, out, samples_only = options.to.value, options.out, options.to is Target.parquet
+    if to not in TARGETS_OF_RANGES:
+        raise ParamsError(f"export --ranges: expected --to {', '.join(TARGETS_OF_RANGES)}, got --to {to}")
+    if samples_only and out is None:
         raise ParamsError("export --ranges --to parquet: expected --out FILE.parquet, got none")
-    first = read_unit(request.model, request.report)
-    for name in request.joints or ():
+    first, units = read_unit(options.model, options.report), options.unit or ()
+    for name in options.joint or ():
         if name not in first.models:
-            raise ParamsError(f"{request.model}: no joint {name!r}; joints: {', '.join(first.models)}")
-    posterior = posterior_of([first, *(read_unit(each) for each in request.units)], request.joints)
-    document = as_document(posterior) | {"name": "export", "to": request.to}
+            raise ParamsError(f"{options.model}: no joint {name!r}; joints: {', '.join(first.models)}")
+    posterior = posterior_of([first, *(read_unit(each) for each in units)], options.joint)
+    document = as_document(posterior) | {"name": "export", "to": to}
     text, ranges = "", list["TermRanges"]()
-    if request.to != "parquet":
-        text, ranges = _program(request, posterior)
+    if not samples_only:
+        text, ranges = _program(options, posterior)
         document["terms"] = {each.joint: _terms(each) for each in ranges}
-        document["losses"] = _losses(request.to, ranges)
-    inputs = [request.model, request.report, *request.units]
-    if request.out is not None:
-        with result_file(request.out, "--out", inputs=inputs, force=request.force) as path:
-            if request.to == "parquet":
-                save_samples(posterior, path, request.samples, request.seed)
+        document["losses"] = _losses(to, ranges)
+    if out is not None:
+        inputs = [options.model, options.report, *units]
+        with result_file(out, "--out", inputs=inputs, force=options.force) as path:
+            if samples_only:
+                save_samples(posterior, path, options.samples, options.seed)
             else:
                 path.write_text(text, encoding="utf-8")
-    if request.as_json:
-        print(json.dumps(json_value(document | {"file": request.out and str(request.out)}), indent=1))
+    if options.as_json:
+        print(json.dumps(json_value(document | {"file": out and str(out)}), indent=1))
         return
-    if request.out is None:
+    if out is None:
         sys.stdout.write(text)
-    _print(posterior, ranges, request)
+    _print(posterior, ranges, options)
 
 
-def _program(request: RangesRequest, posterior: "Posterior") -> "tuple[str, list[TermRanges]]":
+def _program(options: ExportOptions, posterior: "Posterior") -> "tuple[str, list[TermRanges]]":
     from drake_tc.exchange.ranges.posterior import draws
     from drake_tc.exchange.ranges.program import term_ranges
     from drake_tc.exchange.ranges.simulators import to_isaaclab_events, to_mjlab, to_playground
 
-    drawn = draws(posterior, PROJECTED, request.seed)
-    ranges = term_ranges(posterior, request.to, drawn, request.recorded, request.torque_constant)
-    writer = {"mjlab": to_mjlab, "isaaclab": to_isaaclab_events, "playground": to_playground}[request.to]
+    to = options.to.value
+    drawn = draws(posterior, PROJECTED, options.seed)
+    recorded = options.runs.speeds(list(posterior.unit.models))
+    ranges = term_ranges(posterior, to, drawn, recorded, options.servo.torque_constant)
+    writer = {"mjlab": to_mjlab, "isaaclab": to_isaaclab_events, "playground": to_playground}[to]
     return writer(posterior, ranges), ranges
 
 
@@ -114,11 +98,11 @@ def _terms(each: "TermRanges") -> dict[str, Any]:
     } | {"correlation": each.correlation.tolist()}
 
 
-def _print(posterior: "Posterior", ranges: "Sequence[TermRanges]", request: RangesRequest) -> None:
+def _print(posterior: "Posterior", ranges: "Sequence[TermRanges]", options: ExportOptions) -> None:
     """The tables of the parameters and of the simulator's terms, what was not shown, and the notes."""
     from drake_tc.exchange.ranges.program import interval_text, row_text
 
-    shown = sys.stderr if request.out is None else sys.stdout
+    to, shown = options.to.value, options.shown
     rows = [
         (
             each.joint,
@@ -141,12 +125,12 @@ def _print(posterior: "Posterior", ranges: "Sequence[TermRanges]", request: Rang
             for name, of in each.distributions.items()
         ]
         heads = ("joint", "term", "value", "95 %", "unit", "law")
-        print_wide(heads, terms, left=(*heads[:2], *heads[4:]), title=f"In the terms of {request.to}", file=shown)
+        print_wide(heads, terms, left=(*heads[:2], *heads[4:]), title=f"In the terms of {to}", file=shown)
     for title, found in (("The logs could not show:", False), ("Looked for and not found; larger is ruled out:", True)):
         lines = [row_text(each) for each in posterior.not_shown if each.found_above is found]
         if lines:
             print(title, *(f"  {line}" for line in lines), sep="\n", file=shown)
-    for note in (*_losses(request.to, ranges), *posterior.notes):
+    for note in (*_losses(to, ranges), *posterior.notes):
         print(note, file=shown)
-    if request.out is not None:
-        print(request.out, file=shown)
+    if options.out is not None:
+        print(options.out, file=shown)

@@ -6,14 +6,16 @@
 import json
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, cast
 
 import typer
 
-from drake_tc.cli.out_files import Force, result_file
-from drake_tc.cli.terminal import UnusedSeed, print_wide, progress_bar
+from drake_tc.cli.options import Force, UnusedSeed
+from drake_tc.cli.out_files import result_file
+from drake_tc.cli.terminal import print_wide, progress_bar
 from drake_tc.config.files import utf8_name
 from drake_tc.config.quoted import json_value
 from drake_tc.errors import IdentificationError, LogError, RigError
@@ -101,24 +103,27 @@ class MethodName(StrEnum):
     motor = "motor"
 
 
-def identify_command(
+@dataclass(frozen=True, kw_only=True)
+class IdentifyOptions:
+    """Options of `drake-tc identify`."""
+
     rig: Annotated[
         Path | None,
         typer.Option(help="Rig file (YAML): joints, drives, columns, and what your model already contains."),
-    ] = None,
-    log: Annotated[list[Path] | None, typer.Option(help="A run to fit; repeat for more.")] = None,
+    ] = None
+    log: Annotated[list[Path] | None, typer.Option(help="A run to fit; repeat for more.")] = None
     method: Annotated[
         MethodName, typer.Option(metavar="METHOD", help=f"Method of the fit: {', '.join(MethodName)}.")
-    ] = MethodName.least_squares,
-    sheet: Annotated[
-        Path | None, typer.Option(help="Data sheet of the motors (YAML), for --method motor only.")
-    ] = None,
-    joint: Annotated[str | None, typer.Option(help="Only this joint of the rig; all of them when left out.")] = None,
-    out: Annotated[Path, typer.Option(help="Model file (YAML) to write.")] = Path("model.yaml"),
-    force: Force = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON instead of a table.")] = False,
-    seed: UnusedSeed = 0,
-) -> None:
+    ] = MethodName.least_squares
+    sheet: Annotated[Path | None, typer.Option(help="Data sheet of the motors (YAML), for --method motor only.")] = None
+    joint: Annotated[str | None, typer.Option(help="Only this joint of the rig; all of them when left out.")] = None
+    out: Annotated[Path, typer.Option(help="Model file (YAML) to write.")] = Path("model.yaml")
+    force: Force = False
+    as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON instead of a table.")] = False
+    seed: UnusedSeed = 0
+
+
+def identify_command(options: IdentifyOptions) -> None:
     """Fit the drive gain and friction of geared joints, with intervals, and write a model that diagrams load.
 
     least_squares weights all samples alike. asymmetric never over-estimates friction, so its compensation stays stable.
@@ -130,6 +135,7 @@ def identify_command(
     from drake_tc.logs.prepare import load_runs
     from drake_tc.logs.rig import load_rig
 
+    rig, log, method, sheet, out = options.rig, options.log, options.method, options.sheet, options.out
     if rig is None:
         raise RigError("identify: expected --rig RIG.yaml, which says what the logs show, got none")
     if not log:
@@ -140,12 +146,13 @@ def identify_command(
             f" got --method {method.value} {'without a' if sheet is None else 'and a'} --sheet"
         )
     read_rig = load_rig(rig)
+    joint = options.joint
     if joint is not None and joint not in read_rig.joints:
         raise IdentificationError(f"no joint {joint!r} in {rig}; joints there: {', '.join(read_rig.joints)}")
     names = read_rig.joints if joint is None else (joint,)
     fit = _fitting(read_rig, method, sheet, names)
-    place = result_file(out, "--out", inputs=[rig, sheet, *log], force=force)
-    with place as model, progress_bar("identify", quiet=as_json) as progress:
+    place = result_file(out, "--out", inputs=[rig, sheet, *log], force=options.force)
+    with place as model, progress_bar("identify", quiet=options.as_json) as progress:
         progress("reading", 0.0)
         runs = load_runs(log, read_rig)
         fits = _Fits({}, [], {})
@@ -161,14 +168,14 @@ def identify_command(
         save_models(fits.models, model, provenance=_provenance(rig, log, sheet, fits))
     for note in dict.fromkeys(note for row in fits.rows for note in row["notes"]):
         print(f"identify: {note}", file=sys.stderr)
-    if as_json:
+    if options.as_json:
         joints = {row["joint"]: row for row in fits.rows}
         print(json.dumps(json_value({"model": str(out), "joints": joints, "failed": fits.failed}), indent=1))
     elif sheet is not None:
         print_motors(fits.rows)
     else:
         _print(fits.rows)
-    if not as_json:
+    if not options.as_json:
         print(f"model: {out}")
     if fits.failed:
         raise _failure(rig, fits)

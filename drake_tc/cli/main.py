@@ -20,13 +20,13 @@ from drake_tc.cli.experiment_commands import design_command, rehearse_command
 from drake_tc.cli.export_command import export_command
 from drake_tc.cli.identify_command import identify_command
 from drake_tc.cli.log_commands import check_command, import_logs, inspect_command
+from drake_tc.cli.options import Command, usage_message, with_flat_options
 from drake_tc.cli.reproduce_command import reproduce_command
 from drake_tc.cli.run_command import run_command
 from drake_tc.cli.schema_command import schema_command
 from drake_tc.cli.stability_command import stability_command, stability_map_command
 from drake_tc.cli.tune_command import tune_command
 from drake_tc.cli.unexpected_errors import UNEXPECTED, Terminated, quiet_libraries, write_details
-from drake_tc.cli.usage import Command, usage_message
 from drake_tc.errors import DrakeTcError
 
 LONGEST = 1200
@@ -41,27 +41,30 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,  # tables cut the names of options in a narrow terminal
 )
-app.command("demo", cls=Command, short_help="Find what a simulated joint lacks.")(demo_command)
-app.command("check", cls=Command, short_help="Check what your logs can show.")(check_command)
-app.command("close-loop", cls=Command, short_help="Find what a model lacks, and add it.")(close_loop_command)
-app.command("compare", cls=Command, short_help="Report what changed since a model.")(compare_command)
-app.command("design", cls=Command, short_help="Compute the next experiment.")(design_command)
-app.command("estimate-base", cls=Command, short_help="Estimate the motion of a base.")(estimate_base_command)
-app.command("estimate-torque", cls=Command, short_help="Estimate the torques of a robot.")(estimate_torque_command)
-app.command("identify", cls=Command, short_help="Fit drive gain and friction.")(identify_command)
-app.command("import", cls=Command, short_help="Convert BAM servo recordings.")(import_logs)
-app.command("export", cls=Command, short_help="Write a model for a simulator.")(export_command)
-app.command("inspect", cls=Command, short_help="List what a log contains.")(inspect_command)
-app.command("schema", cls=Command, short_help="Print the schema of an input file.")(schema_command)
-app.command("run", cls=Command, short_help="Run a controller in real time.")(run_command)
-app.command("simulate", cls=Command, short_help="Simulate a diagram.")(simulate_command)
-app.command("graph", cls=Command, short_help="Draw a diagram.")(graph_command)
-app.command("rehearse", cls=Command, short_help="Count how often an effect is found.")(rehearse_command)
-app.command("reproduce", cls=Command, short_help="Recompute the results of a paper.")(reproduce_command)
-app.command("stability", cls=Command, short_help="Margins of a diagram's loop.")(stability_command)
-app.command("stability-map", cls=Command, short_help="Stability over two parameters.")(stability_map_command)
-app.command("tune", cls=Command, short_help="Choose gains and filter windows.")(tune_command)
-app.command("bode", cls=Command, short_help="Measure a frequency response.")(bode_command)
+for _command, _name, _short_help in (
+    (demo_command, "demo", "Find what a simulated joint lacks."),
+    (check_command, "check", "Check what your logs can show."),
+    (close_loop_command, "close-loop", "Find what a model lacks, and add it."),
+    (compare_command, "compare", "Report what changed since a model."),
+    (design_command, "design", "Compute the next experiment."),
+    (estimate_base_command, "estimate-base", "Estimate the motion of a base."),
+    (estimate_torque_command, "estimate-torque", "Estimate the torques of a robot."),
+    (identify_command, "identify", "Fit drive gain and friction."),
+    (import_logs, "import", "Convert BAM servo recordings."),
+    (export_command, "export", "Write a model for a simulator."),
+    (inspect_command, "inspect", "List what a log contains."),
+    (schema_command, "schema", "Print the schema of an input file."),
+    (run_command, "run", "Run a controller in real time."),
+    (simulate_command, "simulate", "Simulate a diagram."),
+    (graph_command, "graph", "Draw a diagram."),
+    (rehearse_command, "rehearse", "Count how often an effect is found."),
+    (reproduce_command, "reproduce", "Recompute the results of a paper."),
+    (stability_command, "stability", "Margins of a diagram's loop."),
+    (stability_map_command, "stability-map", "Stability over two parameters."),
+    (tune_command, "tune", "Choose gains and filter windows."),
+    (bode_command, "bode", "Measure a frequency response."),
+):
+    app.command(_name, cls=Command, short_help=_short_help)(with_flat_options(_command))
 
 
 def _print_version(requested: bool) -> None:

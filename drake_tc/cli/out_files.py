@@ -18,9 +18,7 @@ import tempfile
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import IO, Annotated
-
-import typer
+from typing import IO
 
 from drake_tc.errors import DrakeTcError, ParamsError
 
@@ -32,10 +30,6 @@ TRIED = 1 << 16
 """So many bytes are written to see whether there is room [B]."""
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)
 """What the system says of a disk that takes no more."""
-
-Force = Annotated[
-    bool, typer.Option("--force", help="Overwrite files that drake-tc did not write, or that were changed since.")
-]
 
 
 @contextmanager

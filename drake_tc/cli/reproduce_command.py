@@ -11,9 +11,9 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from drake_tc.cli.out_files import Force, result_folder
+from drake_tc.cli.options import LARGEST_SEED, Force
+from drake_tc.cli.out_files import result_folder
 from drake_tc.cli.terminal import progress_bar
-from drake_tc.cli.usage import LARGEST_SEED
 
 if TYPE_CHECKING:
     from drake_tc.report.figure_row import Reproduction

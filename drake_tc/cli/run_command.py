@@ -3,17 +3,19 @@
 import json
 import math
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from drake_tc.cli.terminal import UnusedSeed
+from drake_tc.cli.options import ScenarioChoice, UnusedSeed
 from drake_tc.errors import DrakeTcError, ParamsError
 
 if TYPE_CHECKING:
+    from drake_tc.control.guard import GuardSpec
     from drake_tc.hardware.link import RobotLink
-    from drake_tc.hardware.loop import RunReport
+    from drake_tc.hardware.loop import RealTimeSpec, RunReport
     from drake_tc.hardware.watch import ModelWatch
     from drake_tc.loops.built_loop import Controller
 
@@ -21,89 +23,130 @@ LCM, STOPPED_EARLY = "lcm", 3
 """The transport that is built in; and the exit code of a run that no sound readings came in for."""
 
 
-def run_command(
+@dataclass(frozen=True, kw_only=True)
+class ControllerScenario(ScenarioChoice):
+    """The scenario of the diagram whose controller is run."""
+
+    scenario_name: Annotated[str | None, typer.Option(help="Scenario of a diagram; its first when left out.")] = None
+
+    @property
+    def given(self) -> bool:
+        """Whether any of it is."""
+        return any((self.scenario_name, self.scenario_file, self.scenario_text))
+
+
+@dataclass(frozen=True, kw_only=True)
+class CommandLimits:
+    """Limits of the guard between controller and robot; those that are None stay."""
+
+    offset_limit: Annotated[
+        float | None, typer.Option(help="Largest offset of a servo from its joint [rad], or |command| of other drives.")
+    ] = None
+    rate_limit: Annotated[float | None, typer.Option(help="Largest rate of a command [1/s].")] = None
+    start_time: Annotated[float | None, typer.Option(help="From the first position to the command [s].")] = None
+
+    def guard(self) -> "GuardSpec | None":
+        """The guard; None: that of the controller."""
+        from drake_tc.control.guard import GuardSpec
+
+        given = {name: value for name, value in vars(self).items() if value is not None}
+        return GuardSpec(**given) if given else None
+
+
+@dataclass(frozen=True, kw_only=True)
+class WatchFiles:
+    """Files of the watch that compares joints with their models."""
+
+    watch: Annotated[
+        Path | None,
+        typer.Option(
+            help="Report joints that change from their models; file of --learn-watch, or torque_uncertainty.yaml."
+        ),
+    ] = None
+    learn_watch: Annotated[
+        Path | None, typer.Option(help="Write the file for --watch from this run, in which nothing is wrong.")
+    ] = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunOptions:
+    """Options of `drake-tc run`."""
+
     controller: Annotated[
         str,
         typer.Argument(
             help="module:attribute of a function that returns a controller, as torque_controller does; or the name of a"
             " diagram, whose scenario's controller is taken."
         ),
-    ],
+    ]
     robot: Annotated[
         str,
         typer.Option(
             help="lcm, lcm=URL, or module:attribute of a function that returns an object with read() and write()."
         ),
-    ] = LCM,
-    duration: Annotated[float | None, typer.Option(help="Seconds until the stop; without end when left out.")] = None,
-    scenario_name: Annotated[str | None, typer.Option(help="Scenario of a diagram; its first when left out.")] = None,
-    scenario_file: Annotated[Path | None, typer.Option(help="Scenario file (YAML) of your own.")] = None,
-    scenario_text: Annotated[str | None, typer.Option(help="YAML of fields to change: '{gains: {k6: 0.25}}'.")] = None,
-    dry: Annotated[bool, typer.Option("--dry", help="Send no commands.")] = False,
-    offset_limit: Annotated[
-        float | None, typer.Option(help="Largest offset of a servo from its joint [rad], or |command| of other drives.")
-    ] = None,
-    rate_limit: Annotated[float | None, typer.Option(help="Largest rate of a command [1/s].")] = None,
-    start_time: Annotated[float | None, typer.Option(help="From the first position to the command [s].")] = None,
-    max_age: Annotated[float, typer.Option(help="Readings that are older are missing [s].")] = 5e-3,
-    patience: Annotated[float, typer.Option(help="How long to wait for sound readings [s].")] = 10.0,
-    stop_time: Annotated[float, typer.Option(help="How long to hold and damp after a stop [s].")] = 1.0,
-    spin: Annotated[float, typer.Option(help="How long before a tick to look at the clock, not to sleep [s].")] = 0.0,
-    priority: Annotated[int, typer.Option(min=0, max=99, help="Real-time priority (SCHED_FIFO); 0: none.")] = 0,
-    watch: Annotated[
-        Path | None,
-        typer.Option(
-            help="Report joints that change from their models; file of --learn-watch, or torque_uncertainty.yaml."
-        ),
-    ] = None,
-    learn_watch: Annotated[
-        Path | None, typer.Option(help="Write the file for --watch from this run, in which nothing is wrong.")
-    ] = None,
-    stop: Annotated[bool, typer.Option("--stop", help="Only send the stop message of LCM.")] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the report as JSON.")] = False,
-    seed: UnusedSeed = 0,
-) -> None:
+    ] = LCM
+    duration: Annotated[float | None, typer.Option(help="Seconds until the stop; without end when left out.")] = None
+    scenario: ControllerScenario
+    dry: Annotated[bool, typer.Option("--dry", help="Send no commands.")] = False
+    limits: CommandLimits
+    max_age: Annotated[float, typer.Option(help="Readings that are older are missing [s].")] = 5e-3
+    patience: Annotated[float, typer.Option(help="How long to wait for sound readings [s].")] = 10.0
+    stop_time: Annotated[float, typer.Option(help="How long to hold and damp after a stop [s].")] = 1.0
+    spin: Annotated[float, typer.Option(help="How long before a tick to look at the clock, not to sleep [s].")] = 0.0
+    priority: Annotated[int, typer.Option(min=0, max=99, help="Real-time priority (SCHED_FIFO); 0: none.")] = 0
+    watch_files: WatchFiles
+    stop: Annotated[bool, typer.Option("--stop", help="Only send the stop message of LCM.")] = False
+    as_json: Annotated[bool, typer.Option("--json", help="Print the report as JSON.")] = False
+    seed: UnusedSeed = 0
+
+    def real_time(self) -> "RealTimeSpec":
+        """How the loop runs against the clock."""
+        from drake_tc.hardware.loop import RealTimeSpec
+
+        return RealTimeSpec(
+            guard=self.limits.guard(),
+            max_age=self.max_age,
+            patience=self.patience,
+            stop_time=self.stop_time,
+            spin=self.spin,
+            priority=self.priority,
+            dry=self.dry,
+        )
+
+
+def run_command(options: RunOptions) -> None:
     """Run a controller against wall-clock time. SIGINT, SIGTERM and the robot's stop message stop it."""
-    from drake_tc.control.guard import GuardSpec
     from drake_tc.control.torque_uncertainty_file import save_torque_uncertainty
     from drake_tc.hardware.lcm_link import URL, send_stop
-    from drake_tc.hardware.loop import RealTimeLoop, RealTimeSpec
+    from drake_tc.hardware.loop import RealTimeLoop
 
+    controller, duration = options.controller, options.duration
     if duration is not None and not 0.0 < duration < math.inf:
         raise typer.BadParameter(f"expected a positive number [s], got {duration!r}", param_hint="--duration")
-    if stop:
-        send_stop(_url(robot) or URL)
+    if options.stop:
+        send_stop(_url(options.robot) or URL)
         return
-    given = {"offset_limit": offset_limit, "rate_limit": rate_limit, "start_time": start_time}
-    limits = {name: value for name, value in given.items() if value is not None}
-    spec = RealTimeSpec(
-        guard=GuardSpec(**limits) if limits else None,
-        max_age=max_age,
-        patience=patience,
-        stop_time=stop_time,
-        spin=spin,
-        priority=priority,
-        dry=dry,
-    )
+    spec = options.real_time()
     own = ":" in controller
-    if own and (scenario_name or scenario_file or scenario_text):
+    if own and options.scenario.given:
         raise typer.BadParameter(
             "expected the name of a diagram beside it, got module:attribute", param_hint="--scenario"
         )
-    made = _controller(controller) if own else _of_diagram(controller, scenario_name, scenario_file, scenario_text)
-    watched = _watch(made, watch, learn_watch)
-    loop = RealTimeLoop(made, _link(robot, made), spec, watch=watched)
+    made = _controller(controller) if own else _of_diagram(controller, options.scenario)
+    learned = options.watch_files.learn_watch
+    watched = _watch(made, options.watch_files.watch, learned)
+    loop = RealTimeLoop(made, _link(options.robot, made), spec, watch=watched)
     report = loop.run(math.inf if duration is None else duration)
-    if as_json:
+    if options.as_json:
         print(json.dumps(report.to_json()))
     else:
         print("\n".join(lines(report)))
-    if watched is not None and learn_watch is not None:
-        save_torque_uncertainty(watched.learned().uncertainty(), learn_watch)
+    if watched is not None and learned is not None:
+        save_torque_uncertainty(watched.learned().uncertainty(), learned)
     if report.ended == "no readings":
         print(
-            f"run: no sound readings within {patience:g} s: expected all of them, finite, with joints within their"
-            " ranges",
+            f"run: no sound readings within {options.patience:g} s: expected all of them, finite, with joints within"
+            " their ranges",
             file=sys.stderr,
         )
         raise typer.Exit(STOPPED_EARLY)
@@ -156,14 +199,13 @@ def _controller(text: str) -> "Controller":
     return made
 
 
-def _of_diagram(name: str, scenario: str | None, file: Path | None, text: str | None) -> "Controller":
+def _of_diagram(name: str, scenario: ScenarioChoice) -> "Controller":
     """The controller of a diagram's scenario."""
     from drake_tc.loops.torque.wiring import scenario_controller as torque
     from drake_tc.loops.whole_body.wiring import scenario_controller as whole_body
-    from drake_tc.registry import runnable
 
-    entry = runnable(name).naming(file, text)
-    chosen = entry.scenario(scenario, file, text)
+    entry = scenario.entry(name)
+    chosen = scenario.of(entry)
     if entry.kind not in ("torque", "whole_body"):
         raise ParamsError(
             f"{name}: expected the diagram of a torque loop or of a whole-body loop, got one of {entry.kind}; make its"

@@ -6,7 +6,7 @@
 """
 
 import json
-import os
+import math
 import sys
 from collections.abc import Mapping
 from contextlib import nullcontext
@@ -15,14 +15,13 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Annotated, Any
 
-import numpy as np
 import typer
 from rich.console import Console
 from rich.table import Table
 
-from drake_tc.cli.out_files import Force, result_file
-from drake_tc.cli.terminal import UnusedSeed, progress_bar, worker_executor
-from drake_tc.cli.usage import LARGEST_SEED
+from drake_tc.cli.options import LARGEST_SEED, Diagram, Force, ScenarioChoice, UnusedSeed, Workers
+from drake_tc.cli.out_files import result_file
+from drake_tc.cli.terminal import progress_bar
 from drake_tc.config.quoted import json_value
 from drake_tc.errors import ParamsError
 
@@ -61,68 +60,73 @@ class _Found:
         return (self.radius < 1.0) == self.release.stable
 
 
-def stability_command(
-    diagram: Annotated[
-        str,
-        typer.Argument(
-            help="Diagram name, or module:attribute of your own. An unknown name prints the available diagrams."
-        ),
-    ],
-    scenario_name: Annotated[str | None, typer.Option(help="Scenario; the file's first when left out.")] = None,
-    scenario_file: Annotated[Path | None, typer.Option(help="Scenario file (YAML) of your own.")] = None,
-    scenario_text: Annotated[str | None, typer.Option(help="YAML of fields to change: '{gains: {k6: 0.25}}'.")] = None,
-    open_at: Annotated[
-        str, typer.Option(help="SYSTEM:PORT or SYSTEM:PORT[i] where the loop is cut.")
-    ] = "torque_control:command",
+@dataclass(frozen=True, kw_only=True)
+class LoopCut:
+    """Where the loop is cut open."""
+
+    open_at: Annotated[str, typer.Option(help="SYSTEM:PORT or SYSTEM:PORT[i] where the loop is cut.")] = (
+        "torque_control:command"
+    )
     relative_to: Annotated[
         str | None,
         typer.Option(help="SYSTEM:PORT that is taken off there: torque_control:position cuts the effort of servos."),
-    ] = None,
+    ] = None
     joint: Annotated[
         str | None, typer.Option(help="Joint whose channel is cut, or its number from 0; the first when left out.")
-    ] = None,
-    at: Annotated[float, typer.Option(min=0.0, help="Time in the scenario at which the loop is linearised [s].")] = 0.7,
+    ] = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class StabilityOptions:
+    """Options of `drake-tc stability`."""
+
+    diagram: Diagram
+    scenario: ScenarioChoice
+    cut: LoopCut
+    at: Annotated[float, typer.Option(min=0.0, help="Time in the scenario at which the loop is linearised [s].")] = 0.7
     friction: Annotated[
         str,
         typer.Option(
             help="sliding: joints move, dry friction is constant; modelled: friction and dead zone of the drives."
         ),
-    ] = "sliding",
+    ] = "sliding"
     direction: Annotated[
         float, typer.Option(min=-1.0, max=1.0, help="Direction of the sliding: 1, -1, or 0 for the mean of both.")
-    ] = 0.0,
+    ] = 0.0
     seed: Annotated[
         int, typer.Option(min=0, max=LARGEST_SEED, help="Seed of the signs of the initial kick, joint by joint.")
-    ] = 0,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")] = False,
-) -> None:
+    ] = 0
+    as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")] = False
+
+
+def stability_command(options: StabilityOptions) -> None:
     """Print eigenvalues, margins and stability of a diagram's loop at one time of a scenario, with perfect sensors."""
     from drake_tc.analysis.release import settled_at
     from drake_tc.analysis.sampled import loop_margins
     from drake_tc.control.stability_margins import frequency_grid
     from drake_tc.loops.entries import naming_errors
-    from drake_tc.registry import runnable
 
+    diagram, friction, file = options.diagram, options.friction, options.scenario.scenario_file
     if friction not in ("sliding", "modelled"):
         raise typer.BadParameter(f"expected sliding or modelled, got {friction!r}", param_hint="--friction")
-    entry = runnable(diagram).naming(scenario_file, scenario_text)
+    entry = options.scenario.entry(diagram)
     if entry.kind == "whole_body":
         raise ParamsError(
             f"stability: expected a diagram without contacts, got {diagram}, which stands on contacts: its"
             " linearisation does not decide its stability; simulate it instead"
         )
-    scenario = entry.scenario(scenario_name, scenario_file, scenario_text)
-    with progress_bar(f"stability {diagram}", quiet=as_json) as progress, TemporaryDirectory() as folder:
+    scenario = options.scenario.of(entry)
+    with progress_bar(f"stability {diagram}", quiet=options.as_json) as progress, TemporaryDirectory() as folder:
         if friction == "sliding":
-            with naming_errors(f"stability {diagram}" if scenario_file is None else str(scenario_file)):
-                scenario = _in_sliding(entry, scenario, Path(folder), direction)
+            with naming_errors(f"stability {diagram}" if file is None else str(file)):
+                scenario = _in_sliding(entry, scenario, Path(folder), options.direction)
         if entry.kind == "torque":
             scenario = replace(scenario, sensors="perfect")
         with naming_errors(f"stability {diagram}"):
             progress("to the operating point", 0.0)
-            loop, context = settled_at(entry, scenario, at)
+            loop, context = settled_at(entry, scenario, options.at)
             progress("linearising", 0.15)
-            cut, channel = _cut(loop, context, open_at, relative_to, joint)
+            cut, channel = _cut(loop, context, options.cut)
             progress("eigenvalues", 0.6)
             closed = cut.closed()
             radius = closed.radius_but_for_drift()
@@ -130,10 +134,12 @@ def stability_command(
             grid = frequency_grid(loop.period, 0.5, 400)
             channels = loop_margins(cut, grid=grid) if radius < 1.0 else {}
             progress("simulating the verdict", 0.8)
-            found = _Found(closed, channel, channels, _released(loop, context, seed), radius)
+            found = _Found(closed, channel, channels, _released(loop, context, options.seed), radius)
             progress("done", 1.0)
-    if as_json:
-        where = {"diagram": diagram, "at": at, "friction": friction, "open_at": channel, "relative_to": relative_to}
+    relative_to = options.cut.relative_to
+    if options.as_json:
+        where = {"diagram": diagram, "at": options.at, "friction": friction}
+        where |= {"open_at": channel, "relative_to": relative_to}
         print(json.dumps({**where, **_to_json(found)}))
         return
     _print(found, channel if relative_to is None else f"{channel} relative to {relative_to}")
@@ -154,9 +160,7 @@ def _in_sliding(entry: "DiagramEntry[Any, Any]", scenario: Any, folder: Path, di
     return scenario if entry.sliding is None else entry.sliding(scenario, folder)
 
 
-def _cut(
-    loop: Any, context: Any, open_at: str, relative_to: str | None, joint: str | None
-) -> "tuple[SampledSystem, str]":
+def _cut(loop: Any, context: Any, where: LoopCut) -> "tuple[SampledSystem, str]":
     """The loop cut open at a port, and the name of the channel that is asked for.
 
     Raises:
@@ -165,22 +169,24 @@ def _cut(
     from drake_tc.analysis.frequency_response import channel
     from drake_tc.analysis.sampled import open_loop
 
-    place = _channel(loop, joint)
-    requested = channel(open_at)
-    if joint is not None and open_at != requested.port:
+    place = _channel(loop, where.joint)
+    requested = channel(where.open_at)
+    if where.joint is not None and where.open_at != requested.port:
         raise ParamsError(
-            f"--joint: expected --open-at without an index, got {open_at}; give --joint or an index, not both"
+            f"--joint: expected --open-at without an index, got {where.open_at}; give --joint or an index, not both"
         )
-    cut = open_loop(loop.diagram, context, loop.period, requested.port, relative_to=relative_to)
-    index = requested.index if joint is None else place
+    cut = open_loop(loop.diagram, context, loop.period, requested.port, relative_to=where.relative_to)
+    index = requested.index if where.joint is None else place
     if index >= len(cut.inputs):
-        which = f"element {index}" if joint is None else f"joint {joint!r}"
+        which = f"element {index}" if where.joint is None else f"joint {where.joint!r}"
         raise ParamsError(f"--open-at: {requested.port} has {len(cut.inputs)} channels, none of {which}")
     return cut, cut.inputs[index]
 
 
 def _released(loop: Any, context: Any, seed: int) -> "Release":
     """The loop after a kick of every joint's speed, to either side at random."""
+    import numpy as np
+
     from drake_tc.analysis.release import release, speed_states
 
     kicked = speed_states(loop, context)
@@ -240,7 +246,7 @@ def _print(found: _Found, channel: str) -> None:
     else:
         m = found.margins
         console.print(
-            f"cut at {channel}: gain margin {m.gain_margin:.3g}, phase margin {np.degrees(m.phase_margin):.1f} deg,"
+            f"cut at {channel}: gain margin {m.gain_margin:.3g}, phase margin {math.degrees(m.phase_margin):.1f} deg,"
             f" delay margin {1e3 * m.delay_margin:.2f} ms, sensitivity peak {m.sensitivity_peak:.2f}",
             soft_wrap=True,
             markup=False,
@@ -263,7 +269,7 @@ def _print(found: _Found, channel: str) -> None:
     )
 
 
-def _torque_loop(diagram: str, name: str | None, file: Path | None, text: str | None) -> Any:
+def _torque_loop(diagram: str, choice: ScenarioChoice) -> Any:
     """The scenario of a torque loop, or what the loop of a function was wired from.
 
     Raises:
@@ -274,8 +280,8 @@ def _torque_loop(diagram: str, name: str | None, file: Path | None, text: str | 
 
     named = runnable(diagram)
     if not isinstance(named, FunctionEntry):
-        return diagram_entry(diagram).scenario(name, file, text)
-    built = named.build(named.scenario(name, file, text))
+        return choice.of(diagram_entry(diagram))
+    built = named.build(choice.of(named))
     if built.torque_loop is None:
         raise ParamsError(
             f"{diagram}: expected a function that returns the diagram and the loop of add_torque_loop, as"
@@ -284,37 +290,34 @@ def _torque_loop(diagram: str, name: str | None, file: Path | None, text: str | 
     return built.torque_loop.design
 
 
-def stability_map_command(
-    diagram: Annotated[
-        str,
-        typer.Argument(
-            help="Diagram name, or module:attribute of your own. An unknown name prints the available diagrams."
-        ),
-    ],
+@dataclass(frozen=True, kw_only=True)
+class MapOptions:
+    """Options of `drake-tc stability-map`."""
+
+    diagram: Diagram
     joint: Annotated[
         str, typer.Option(help="Joint that is mapped; the others are held still. An unknown name prints the joints.")
-    ],
-    x: Annotated[str, typer.Option(help="NAME=FIRST:LAST:STEP or NAME=A,B,C, such as window=20:160:20.")],
+    ]
+    x: Annotated[str, typer.Option(help="NAME=FIRST:LAST:STEP or NAME=A,B,C, such as window=20:160:20.")]
     y: Annotated[
         str, typer.Option(help="Second parameter, such as kp=0:4:0.2. An unknown NAME prints the available ones.")
-    ],
+    ]
     figure: Annotated[
         str, typer.Option(help="spectral_radius, sensitivity_peak, gain_margin, phase_margin or delay_margin.")
-    ] = "spectral_radius",
-    scenario_name: Annotated[str | None, typer.Option(help="Scenario; the file's first when left out.")] = None,
-    scenario_file: Annotated[Path | None, typer.Option(help="Scenario file (YAML) of your own.")] = None,
-    scenario_text: Annotated[str | None, typer.Option(help="YAML of fields to change: '{gains: {k6: 0.25}}'.")] = None,
-    kf: Annotated[float | None, typer.Option(help="Force feedback gain instead of the scenario's.")] = None,
+    ] = "spectral_radius"
+    scenario: ScenarioChoice
+    kf: Annotated[float | None, typer.Option(help="Force feedback gain instead of the scenario's.")] = None
     environment_stiffness: Annotated[
         float, typer.Option(min=0.0, help="Stiffness of the environment at the joint [N m/rad].")
-    ] = 0.0,
-    workers: Annotated[int, typer.Option(min=1, help="Number of processes on this machine.")] = os.cpu_count() or 1,
-    scheduler: Annotated[str | None, typer.Option(help="Address of a Dask scheduler to use instead.")] = None,
-    out: Annotated[Path | None, typer.Option(help="File for the plot, .svg or .png.")] = None,
-    force: Force = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the map as JSON.")] = False,
-    seed: UnusedSeed = 0,
-) -> None:
+    ] = 0.0
+    workers: Workers
+    out: Annotated[Path | None, typer.Option(help="File for the plot, .svg or .png.")] = None
+    force: Force = False
+    as_json: Annotated[bool, typer.Option("--json", help="Print the map as JSON.")] = False
+    seed: UnusedSeed = 0
+
+
+def stability_map_command(options: MapOptions) -> None:
     """Map the stability of one joint over two parameters.
 
     All other parameters are those of the scenario. K6 and K7 stay when Kp changes.
@@ -322,28 +325,33 @@ def stability_map_command(
     from drake_tc.analysis.stability_map import Axis, draw_map, stability_map
     from drake_tc.loops.torque.default_gains import joint_loops
 
-    across, up = Axis.parse(x), Axis.parse(y)
-    loops = joint_loops(_torque_loop(diagram, scenario_name, scenario_file, scenario_text))
+    joint, out = options.joint, options.out
+    across, up = Axis.parse(options.x), Axis.parse(options.y)
+    loops = joint_loops(_torque_loop(options.diagram, options.scenario))
     if joint not in loops:
         raise ParamsError(f"no joint {joint!r}; joints: {', '.join(loops)}")
-    loop = replace(loops[joint], kf=loops[joint].kf if kf is None else kf, environment_stiffness=environment_stiffness)
+    kf = loops[joint].kf if options.kf is None else options.kf
+    loop = replace(loops[joint], kf=kf, environment_stiffness=options.environment_stiffness)
     if out is not None and out.suffix.lower() not in (".svg", ".png", ".pdf"):
         raise ParamsError(f"stability-map: expected --out FILE.svg, .png or .pdf, got {out}")
-    place = nullcontext() if out is None else result_file(out, "--out", inputs=[scenario_file], force=force)
+    inputs = [options.scenario.scenario_file]
+    place = nullcontext() if out is None else result_file(out, "--out", inputs=inputs, force=options.force)
     with (
         place as file,
-        progress_bar("stability-map", quiet=as_json) as progress,
-        worker_executor(workers, scheduler) as executor,
+        progress_bar("stability-map", quiet=options.as_json) as progress,
+        options.workers.executor() as executor,
     ):
-        found = stability_map(loop, across, up, figure, executor=executor, progress=progress)  # type: ignore[arg-type]
+        figure: Any = options.figure
+        found = stability_map(loop, across, up, figure, executor=executor, progress=progress)
         if file is not None:
             from matplotlib.figure import Figure
 
             drawn = Figure(figsize=(8.0, 5.5), layout="constrained")
             draw_map(drawn, found)
             drawn.savefig(file, dpi=120)
-    if as_json:
-        print(json.dumps({"diagram": diagram, "joint": joint, **found.to_json(), "files": [str(out)] if out else []}))
+    if options.as_json:
+        files = [str(out)] if out else []
+        print(json.dumps({"diagram": options.diagram, "joint": joint, **found.to_json(), "files": files}))
         return
     print(
         f"{joint}: {found.stable.mean():.1%} of {found.stable.size} points over {across.name} and {up.name} are stable"

@@ -1,4 +1,4 @@
-"""What the commands share on the terminal: progress on stderr, wide tables, the next command, common options."""
+"""What the commands share on the terminal: progress on stderr, wide tables, the next command."""
 
 import math
 import re
@@ -6,11 +6,10 @@ import shlex
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import Executor
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Annotated, TextIO
+from pathlib import Path
+from typing import TYPE_CHECKING, TextIO
 
-import typer
 from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
@@ -104,26 +103,12 @@ def say_next(text: str) -> None:
     print(f"next: {text}", file=sys.stderr)
 
 
-UnusedSeed = Annotated[int, typer.Option("--seed", help="Accepted by every command; this one does not use it.")]
+def tell_declared(command: str, rig: Path, declared: Path | None) -> None:
+    """What files of other simulators declare, on stderr."""
+    from drake_tc.logs.rig import load_rig
 
-
-@contextmanager
-def worker_executor(workers: int, scheduler: str | None) -> Iterator[Executor | None]:
-    """Processes of this machine, a Dask cluster where an address is given, or None for one worker: this process.
-
-    Raises:
-        ParamsError: nothing answers at the address, or Dask is not installed.
-    """
-    from drake_tc.analysis.sweep import processes, scheduler_executor
-
-    if scheduler is not None:
-        with scheduler_executor(scheduler) as executor:
-            yield executor
-    elif workers > 1:
-        with processes(workers) as executor:
-            yield executor
-    else:
-        yield None
+    for line in load_rig(rig, declared).declared_by_files:
+        print(f"{command}: {line}", file=sys.stderr)
 
 
 def tasks_of(tasks: Sequence["JointTask"], joints: Sequence[str] | None) -> list["JointTask"]:

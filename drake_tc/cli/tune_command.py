@@ -1,26 +1,25 @@
 """`drake-tc tune`: window and gains of a loop's joints for the least tracking error under a stated margin."""
 
 import json
-import os
 import sys
 from contextlib import nullcontext
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-import yaml
 from rich.console import Console
 from rich.table import Table
 
-from drake_tc.cli.out_files import Force, result_folder
-from drake_tc.cli.terminal import progress_bar, tasks_of, worker_executor
-from drake_tc.cli.usage import LARGEST_SEED
+from drake_tc.cli.options import LARGEST_SEED, Force, ScenarioChoice, Workers
+from drake_tc.cli.out_files import result_folder
+from drake_tc.cli.terminal import progress_bar, tasks_of
 from drake_tc.config.quoted import json_value
 
 if TYPE_CHECKING:
     from drake_tc.analysis.torque_loop.tuned import Confirmed
-    from drake_tc.analysis.tuning import Tuning
+    from drake_tc.analysis.tracking_error import JointTask
+    from drake_tc.analysis.tuning import SearchSpace, Tuning
 
 FILES = ("tuned.yaml", "pareto.svg", "pareto.png")
 WINDOWS = (3, 500)
@@ -29,51 +28,84 @@ LARGEST_DELAY = 1.0
 """Longest delay margin that can be required [s]; loops of position servos keep some tens of milliseconds."""
 
 
-def tune_command(
+@dataclass(frozen=True, kw_only=True)
+class TunedSettings:
+    """Which settings are tried, and which of them are good enough."""
+
+    joint: Annotated[
+        list[str] | None,
+        typer.Option(help="Tune only this joint, at its present window; repeat for more. Default: all joints."),
+    ] = None
+    margin: Annotated[
+        float | None, typer.Option(help="Largest sensitivity peak [-]; by default each joint's present one.")
+    ] = None
+    delay_margin: Annotated[
+        float | None,
+        typer.Option(help=f"Smallest delay margin [s], up to {LARGEST_DELAY:g}; by default each joint's present one."),
+    ] = None
+    noise: Annotated[
+        float,
+        typer.Option(
+            min=0.0, help="Largest noise in the effort, as a multiple of the noise with the manufacturer's servo."
+        ),
+    ] = 1.0
+    window: Annotated[
+        list[int] | None, typer.Option(help=f"Windows to try [samples], {WINDOWS[0]} to {WINDOWS[1]}; repeat.")
+    ] = None
+
+    def check(self) -> None:
+        """Refuse goals that no loop can keep, and filters that no loop can bear.
+
+        Raises:
+            BadParameter: states the range.
+        """
+        if self.margin is not None and not self.margin > 1.0:
+            raise typer.BadParameter(f"expected a sensitivity peak above 1, got {self.margin:g}", param_hint="--margin")
+        if self.delay_margin is not None and not 0.0 <= self.delay_margin <= LARGEST_DELAY:
+            raise typer.BadParameter(
+                f"expected a delay margin of 0 to {LARGEST_DELAY:g} s, got {self.delay_margin:g}",
+                param_hint="--delay-margin",
+            )
+        shortest, longest = WINDOWS
+        odd = next((each for each in self.window or [] if not shortest <= each <= longest), None)
+        if odd is not None:
+            raise typer.BadParameter(f"expected {shortest} to {longest} samples, got {odd}", param_hint="--window")
+
+    def space(self, tasks: "list[JointTask]") -> "SearchSpace":
+        """What is tried: with `joint`, the window stays unless others are given."""
+        from drake_tc.analysis.tuning import SearchSpace
+
+        if not (self.window or self.joint):
+            return SearchSpace()
+        return replace(SearchSpace(), windows=tuple(self.window or [tasks[0].loops[0].window]))
+
+
+@dataclass(frozen=True, kw_only=True)
+class TuneOptions:
+    """Options of `drake-tc tune`."""
+
     diagram: Annotated[
         str,
         typer.Argument(
             help="Diagram name, or module:function of your own that returns (diagram, loop of add_torque_loop). "
             "An unknown name prints the available diagrams."
         ),
-    ],
-    scenario_name: Annotated[str | None, typer.Option(help="Scenario; the file's first when left out.")] = None,
-    scenario_file: Annotated[Path | None, typer.Option(help="Scenario file (YAML) of your own.")] = None,
-    scenario_text: Annotated[str | None, typer.Option(help="YAML of fields to change: '{gains: {k6: 0.25}}'.")] = None,
-    joint: Annotated[
-        list[str] | None,
-        typer.Option(help="Tune only this joint, at its present window; repeat for more. Default: all joints."),
-    ] = None,
-    margin: Annotated[
-        float | None, typer.Option(help="Largest sensitivity peak [-]; by default each joint's present one.")
-    ] = None,
-    delay_margin: Annotated[
-        float | None,
-        typer.Option(help=f"Smallest delay margin [s], up to {LARGEST_DELAY:g}; by default each joint's present one."),
-    ] = None,
-    noise: Annotated[
-        float,
-        typer.Option(
-            min=0.0, help="Largest noise in the effort, as a multiple of the noise with the manufacturer's servo."
-        ),
-    ] = 1.0,
-    window: Annotated[
-        list[int] | None, typer.Option(help=f"Windows to try [samples], {WINDOWS[0]} to {WINDOWS[1]}; repeat.")
-    ] = None,
-    begin: Annotated[float | None, typer.Option(min=0.0, help="Time from which errors are counted [s].")] = None,
-    simulate: Annotated[bool, typer.Option(help="Confirm by simulating the complete loop, before and after.")] = True,
-    plants: Annotated[
-        int, typer.Option(min=0, help="Number of perturbed plants on which the result is confirmed.")
-    ] = 0,
-    workers: Annotated[int, typer.Option(min=1, help="Number of processes on this machine.")] = os.cpu_count() or 1,
-    scheduler: Annotated[str | None, typer.Option(help="Address of a Dask scheduler to use instead.")] = None,
+    ]
+    scenario: ScenarioChoice
+    settings: TunedSettings
+    begin: Annotated[float | None, typer.Option(min=0.0, help="Time from which errors are counted [s].")] = None
+    simulate: Annotated[bool, typer.Option(help="Confirm by simulating the complete loop, before and after.")] = True
+    plants: Annotated[int, typer.Option(min=0, help="Number of perturbed plants on which the result is confirmed.")] = 0
+    workers: Workers
     seed: Annotated[
         int, typer.Option(min=0, max=LARGEST_SEED, help="Seed of the sensors' noise and of the perturbed plants.")
-    ] = 0,
-    out: Annotated[Path | None, typer.Option(help="Folder for tuned.yaml and the Pareto fronts (SVG, PNG).")] = None,
-    force: Force = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
-) -> None:
+    ] = 0
+    out: Annotated[Path | None, typer.Option(help="Folder for tuned.yaml and the Pareto fronts (SVG, PNG).")] = None
+    force: Force = False
+    as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False
+
+
+def tune_command(options: TuneOptions) -> None:
     """Choose filter window and gains of each joint for the least tracking error that keeps a stated margin.
 
     The tracking error is that of the scenario's motion. The stiffness K6 stays. Without --margin and --delay-margin, no
@@ -86,74 +118,54 @@ def tune_command(
         function_tasks,
         joint_tasks,
     )
-    from drake_tc.analysis.tuning import SearchSpace, default_goals, tune
+    from drake_tc.analysis.tuning import default_goals, tune
     from drake_tc.loops.function_diagram import FunctionEntry
     from drake_tc.loops.torque.running import SETTLED
     from drake_tc.registry import diagram_entry, runnable
 
-    _check_ranges(margin, delay_margin, window or [])
-    named = runnable(diagram)
+    settings, seed, out = options.settings, options.seed, options.out
+    settings.check()
+    named = runnable(options.diagram)
     own = named if isinstance(named, FunctionEntry) else None
-    entry = own or diagram_entry(diagram)
-    scenario: Any = entry.scenario(scenario_name, scenario_file, scenario_text).changed(seed=seed)
-    first = min(SETTLED, 0.5 * scenario.duration) if begin is None else begin
-    if own and plants:
+    scenario: Any = options.scenario.of(own or diagram_entry(options.diagram)).changed(seed=seed)
+    first = min(SETTLED, 0.5 * scenario.duration) if options.begin is None else options.begin
+    if own and options.plants:
         raise typer.BadParameter(
             "perturbed plants need a scenario, got the diagram of a function", param_hint="--plants"
         )
-    tasks = tasks_of(function_tasks(own, scenario, first) if own else joint_tasks(scenario, first), joint)
-    goals = default_goals(tasks, margin, delay_margin, noise)
-    space = SearchSpace()
-    if window or joint:
-        space = replace(space, windows=tuple(window or [tasks[0].loops[0].window]))
+    tasks = tasks_of(function_tasks(own, scenario, first) if own else joint_tasks(scenario, first), settings.joint)
+    goals = default_goals(tasks, settings.margin, settings.delay_margin, settings.noise)
     confirmed = None
+    inputs = [options.scenario.scenario_file]
     place = (
-        nullcontext() if out is None else result_folder(out, "--out", names=FILES, inputs=[scenario_file], force=force)
+        nullcontext() if out is None else result_folder(out, "--out", names=FILES, inputs=inputs, force=options.force)
     )
-    with place as folder, worker_executor(workers, scheduler) as executor:
-        with progress_bar("tune", quiet=as_json) as progress:
-            found = tune(tasks, goals, space, executor=executor, progress=progress)
-        if simulate:
-            with progress_bar("tune: simulating", quiet=as_json) as progress:
+    with place as folder, options.workers.executor() as executor:
+        with progress_bar("tune", quiet=options.as_json) as progress:
+            found = tune(tasks, goals, settings.space(tasks), executor=executor, progress=progress)
+        if options.simulate:
+            with progress_bar("tune: simulating", quiet=options.as_json) as progress:
                 if own:
                     confirmed = confirm_function(own, scenario, found, first)
                 else:
                     motions = [(scenario, first)]
-                    drawn = PerturbedPlants(plants, seed=seed)
+                    drawn = PerturbedPlants(options.plants, seed=seed)
                     confirmed = confirm(motions, found, drawn, executor=executor, progress=progress)
         if folder is not None:
             _write(found, folder)
     files = [] if out is None else [out / name for name in FILES]
-    if as_json:
-        print(
-            json.dumps({"diagram": diagram, "seed": seed, **_plain(found, confirmed), "files": list(map(str, files))})
-        )
+    if options.as_json:
+        what = {"diagram": options.diagram, "seed": seed}
+        print(json.dumps({**what, **_plain(found, confirmed), "files": list(map(str, files))}))
         return
     _print(found, confirmed)
     for file in files:
         print(file)
 
 
-def _check_ranges(margin: float | None, delay_margin: float | None, windows: list[int]) -> None:
-    """Refuse goals that no loop can keep, and filters that no loop can bear.
-
-    Raises:
-        BadParameter: states the range.
-    """
-    if margin is not None and not margin > 1.0:
-        raise typer.BadParameter(f"expected a sensitivity peak above 1, got {margin:g}", param_hint="--margin")
-    if delay_margin is not None and not 0.0 <= delay_margin <= LARGEST_DELAY:
-        raise typer.BadParameter(
-            f"expected a delay margin of 0 to {LARGEST_DELAY:g} s, got {delay_margin:g}", param_hint="--delay-margin"
-        )
-    shortest, longest = WINDOWS
-    odd = next((each for each in windows if not shortest <= each <= longest), None)
-    if odd is not None:
-        raise typer.BadParameter(f"expected {shortest} to {longest} samples, got {odd}", param_hint="--window")
-
-
 def _write(found: "Tuning", folder: Path) -> None:
     """The fields for a scenario, and the fronts."""
+    import yaml
     from matplotlib.figure import Figure
 
     from drake_tc.analysis.torque_loop.tuned import tuned_fields

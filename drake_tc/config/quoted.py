@@ -13,8 +13,6 @@ import reprlib
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-import numpy as np
-
 
 class _Short(reprlib.Repr):
     """With true, false and null as files write them."""
@@ -58,8 +56,8 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
 
 
 def json_value(value: Any) -> Any:
-    """The same with None for infinity and NaN, however deep; arrays and tuples become lists."""
-    if isinstance(value, np.ndarray):
+    """The same with None for infinity and NaN, however deep; arrays, numbers of numpy and tuples become plain."""
+    if hasattr(value, "tolist"):
         return json_value(value.tolist())
     if isinstance(value, Mapping):
         return {key: json_value(each) for key, each in value.items()}

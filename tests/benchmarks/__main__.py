@@ -15,7 +15,8 @@ from rich.table import Table
 
 from drake_tc.cli.entry import leave, restart_tuned
 from drake_tc.cli.main import run_app
-from drake_tc.cli.terminal import UnusedSeed, progress_bar
+from drake_tc.cli.options import UnusedSeed
+from drake_tc.cli.terminal import progress_bar
 from drake_tc.config.quoted import json_value
 from tests.benchmarks.figures import BenchmarkRow, figure_table, rows_json
 from tests.benchmarks.seeds import ALL_CORES, AsJson, Jobs, Out, Seeds, by_seed

@@ -13,6 +13,7 @@ from pydrake.systems.primitives import ConstantVectorSource, Gain, LogVectorOutp
 from typer.testing import CliRunner
 
 from drake_tc.cli.diagram_commands import graph_command
+from drake_tc.cli.options import with_flat_options
 from drake_tc.errors import ParamsError
 
 
@@ -58,7 +59,7 @@ def graph(monkeypatch):
     registry.runnable = entry
     monkeypatch.setitem(sys.modules, "drake_tc.registry", registry)
     app = typer.Typer()
-    app.command("graph")(graph_command)
+    app.command("graph")(with_flat_options(graph_command))
     return lambda *arguments: CliRunner().invoke(app, [str(a) for a in arguments])
 
 

@@ -10,6 +10,7 @@ from numpy.testing import assert_allclose
 from typer.testing import CliRunner
 
 from drake_tc.cli.log_commands import import_logs
+from drake_tc.cli.options import with_flat_options
 from drake_tc.errors import LogError
 from drake_tc.logs.files.bam_runs import applied_duty, convert
 from drake_tc.logs.loads import Pendulum
@@ -123,7 +124,7 @@ def test_bam_entries_that_are_odd_are_refused(tmp_path, entries, message):
 
 def command() -> typer.Typer:
     app = typer.Typer()
-    app.command("import")(import_logs)
+    app.command("import")(with_flat_options(import_logs))
     return app
 
 
