@@ -27,14 +27,16 @@ def latent_shares(samples: Samples, error: FloatArray, gain: float) -> tuple[Flo
     noise = max(level.effort_noise**2, level.effort_step**2 / 12.0)
     if samples.floor.servo:
         noise += level.position_noise**2
-    of_load, residual = (gain * level.torque_noise) ** 2, _spectrum(samples, error)
+    of_load, residual, stay = (gain * level.torque_noise) ** 2, _spectrum(samples, error), level.torque_pole(s.period)
     if residual is None:
         kernel = np.convolve(light, samples.kernel.kernels[0])
         part = float(kernel @ kernel) / max(float(np.mean(samples.reduce(error) ** 2)), 1e-300)
         follows, load = np.clip([1.0 - noise * part, of_load * part], 0.0, 1.0)
         return np.array([follows]), np.array([load])
     passed = 2.0 * s.period * np.abs(np.fft.rfft(light, SPECTRUM)) ** 2 / np.maximum(residual, 1e-300)
-    return _taps(np.clip(1.0 - noise * passed, 0.0, 1.0)), _taps(np.clip(of_load * passed, 0.0, 1.0))
+    waves = np.exp(-2j * np.pi * np.fft.rfftfreq(SPECTRUM))
+    colour = (1.0 - stay**2) / np.abs(1.0 - stay * waves) ** 2
+    return _taps(np.clip(1.0 - noise * passed, 0.0, 1.0)), _taps(np.clip(of_load * colour * passed, 0.0, 1.0))
 
 
 def _taps(share: FloatArray) -> FloatArray:

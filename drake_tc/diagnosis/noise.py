@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.signal import lfilter
 
 from drake_tc.diagnosis.data.preparation import slower
 from drake_tc.diagnosis.data.samples import Samples, rms
@@ -133,7 +134,9 @@ def drawn_noise(samples: Samples, *, measured: bool) -> list[Samples]:
     if samples.floor.servo:
         changes[0]["effort"] = -motion[0]
     if measured and level.torque_noise > 0.0:
-        changes.append({"load_torque": level.torque_noise * light.smooth(white)})
+        stay = level.torque_pole(s.period)
+        torque = lfilter([np.sqrt(1.0 - stay**2)], [1.0, -stay], white)
+        changes.append({"load_torque": level.torque_noise * light.smooth(torque)})
     own = max(level.effort_noise, level.effort_step / np.sqrt(12.0))
     if own > 0.0 or level.command_scatter > 0.0:
         noise = light.smooth(third * np.hypot(own, level.command_scatter * s.velocity))

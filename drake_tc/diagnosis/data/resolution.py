@@ -80,6 +80,11 @@ class Resolution:
         """Speed above which the joint resolvably moves [rad/s]."""
         return SPEED_OF_NOISE * max(self.velocity_noise, self.speed_at_rest)
 
+    def torque_pole(self, period: float) -> float:
+        """Correlation of the torque's noise from one sample to the next."""
+        memory = self.torque_correlation_time
+        return float(np.exp(-period / memory)) if memory > 0.0 else 0.0
+
 
 def light_width(
     values: FloatArray,

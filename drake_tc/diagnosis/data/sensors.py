@@ -63,7 +63,8 @@ def resolution_of(channels: Channels, rig: Rig, step: float, noise: float, light
     else:
         effort_noise = scatter(channels.raw(command), channels.segments)
     if declared.torque_noise is not None:
-        torque_noise = 0.0 if unknown else declared.torque_noise
+        memory = declared.torque_correlation_time or 0.0
+        torque_noise = 0.0 if unknown else declared.torque_noise * _louder(channels, "torque", memory)
     elif not (unknown or isinstance(load, Pendulum)):
         torque_noise = _recorded_noise(channels, "torque")
     alone = channels.speed_only
@@ -81,6 +82,15 @@ def resolution_of(channels: Channels, rig: Rig, step: float, noise: float, light
         velocity_step=step if alone else 0.0,
         raw_velocity_noise=noise if alone else 0.0,
     )
+
+
+def _louder(channels: Channels, name: str, memory: float) -> float:
+    """Noise of a correlation time [s] that a slower clock samples over that which as loud samples of the log's have.
+
+    At the low frequencies of the regression the density of samples every T is T coth(T/(2 memory)).
+    """
+    own, log = float(np.median(channels.ratios(name))) * channels.period, channels.period
+    return float(np.sqrt(own * np.tanh(log / max(2.0 * memory, 1e-9)) / (log * np.tanh(own / max(2.0 * memory, 1e-9)))))
 
 
 def _recorded_noise(channels: Channels, name: str) -> float:

@@ -1,7 +1,10 @@
 """What the rig file declares of the sensors replaces what the log shows of them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from drake_tc.diagnosis.data.preparation import build_samples
 from drake_tc.diagnosis.data.samples import Samples
@@ -40,6 +43,21 @@ def test_noise_that_is_declared_as_correlated_leaves_more_behind_the_filters():
     white, slow = samples(torque_noise=0.3), samples(torque_noise=0.3, correlation_time=0.05)
     assert slow.resolution.torque_correlation_time == 0.05
     assert floor(slow) > 2.0 * floor(white)
+
+
+@pytest.mark.parametrize("memory", [0.0, 0.02])
+def test_declared_noise_of_a_torque_on_a_slower_clock_leaves_what_such_noise_leaves(memory):
+    every, random = 4, np.random.default_rng(3)
+    run = record(JOINT)
+    run = replace(run, slower={"joint/torque": every * run.period})
+    sensors = {"torque_noise": 0.3} | ({"correlation_time": memory} if memory else {})
+    rig = parse_rig({"joint": "joint", "drive": "current", "sensors": sensors})
+    made = build_samples([run], rig, "joint", width_s=0.05, final_s=0.05)
+    size, stay = 40_000, np.exp(-every * run.period / memory) if memory else 0.0
+    own = lfilter([0.3 * np.sqrt(1.0 - stay**2)], [1.0, -stay], random.standard_normal(size))
+    noise = np.interp(np.arange(every * (size - 1)), every * np.arange(size), own)
+    left = made.kernel.smooth(made.light.smooth(noise))[1000:-1000]
+    assert np.sqrt(made.floor.torque_variance) == pytest.approx(np.std(left), rel=0.05)
 
 
 def test_a_declared_step_of_the_encoder_replaces_the_one_of_the_log():
