@@ -44,7 +44,6 @@ PARTS = {
             "diagrams/papers/delprete2016/test_table1.py::*",
             "diagrams/test_other_robots.py::*",
             "analysis/*",
-            "cli/*",
         ),
     ),
     "leg-sweeps": Part(
@@ -101,8 +100,12 @@ PARTS = {
         ("test_newcomer.py::*", "logs/bags/*"),
         alone=True,
     ),
+    "commands": Part(
+        "commands, pages of the documentation and plug-ins in full: every script, layout and refusal",
+        ("cli/*", "docs/*", "plugin/*", "report/*", "test_doc_pages.py::*", "test_public_examples.py::*"),
+    ),
     "fuzz": Part("twenty thousand damaged inputs for the commands", ("fuzz/*",), alone=True),
-    "drawn-files": Part("drawn model files in other simulators and in ours", ("exchange/test_drawn_files.py::*",)),
+    "drawn-files": Part("model files, drawn ones too, in other simulators and in ours", ("exchange/*",)),
     "diagnosis": Part(
         "small blind benchmarks, of single joints, arms and a leg; effects that resemble each other",
         (
@@ -135,7 +138,7 @@ PARTS = {
     ),
     "real-data": Part(
         "public data sets; skipped where they are not there",
-        ("diagnosis/test_real_*", "estimation/base/test_walking_robot.py::*"),
+        ("diagnosis/test_real_*", "estimation/base/test_walking_robot.py::*", "benchmarks/test_importers.py::*"),
         alone=True,
     ),
     "notebooks": Part("the notebooks' scripts", ("test_notebooks.py::*",)),

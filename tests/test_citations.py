@@ -12,18 +12,25 @@ PAPER = re.compile(r"[A-Z]\w+,? .*?\(?(?:18|19|20)\d\d\b", re.S)
 """An author's name and a year after it."""
 LETTER = re.compile(r"\b(?:[Pp]aper )?[ABC], (?:eq|sec|tab|fig)")
 """A paper as "A", which only file names may call it."""
+YEAR = re.compile(r"(?:18|19|20)\d\d\b")
 DOCUMENTED = (ast.Module, ast.ClassDef, ast.FunctionDef)
+
+
+def names_paper(text: str) -> bool:
+    return bool(YEAR.search(text) and PAPER.search(text))
 
 
 def unresolved(source: str) -> list[str]:
     """Names of what has a docstring with a reference that no paper goes with."""
+    if not (LETTER.search(source) or REFERENCE.search(source)):
+        return []
     tree = ast.parse(source)
     documents = [(node, ast.get_docstring(node) or "") for node in ast.walk(tree) if isinstance(node, DOCUMENTED)]
-    of_file = bool(PAPER.search(ast.get_docstring(tree) or ""))
+    of_file = names_paper(ast.get_docstring(tree) or "")
     return [
         getattr(node, "name", "module")
         for node, text in documents
-        if LETTER.search(text) or (REFERENCE.search(text) and not (of_file or PAPER.search(text)))
+        if LETTER.search(text) or (REFERENCE.search(text) and not (of_file or names_paper(text)))
     ]
 
 

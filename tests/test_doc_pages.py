@@ -78,7 +78,7 @@ def test_robots_load_and_their_models_are_written(ran, folder):
     assert (folder / "humanoid_actuators.yaml").exists()
 
 
-@pytest.mark.parametrize("robot", ["arm", "leg"])
+@pytest.mark.parametrize("robot", ["arm", pytest.param("leg", marks=pytest.mark.slow)])
 def test_the_diagram_tracks_better_than_the_servo(ran, folder, robot):
     torque, servo = numbers(ran("own_loop.py", f"{robot}.yaml"), "mrad")
     assert torque < 0.5 * servo
@@ -94,6 +94,7 @@ def test_the_script_is_short():
     assert len([line for line in build if line.strip()]) <= 25
 
 
+@pytest.mark.slow
 def test_changes_of_the_diagram_run(ran):
     *changes, humanoid = scripts("your_own_diagram")
     for script in changes:
@@ -103,6 +104,7 @@ def test_changes_of_the_diagram_run(ran):
     assert lower == pytest.approx(30.0, abs=2.0)
 
 
+@pytest.mark.slow
 def test_contexts_are_random_and_the_plant_is_optimised_over(ran):
     draws, optimised = scripts("random_contexts")
     sag = json.loads(ran(draws).replace("'", '"'))
@@ -116,6 +118,7 @@ def commands(page: str) -> list[list[str]]:
     return [shlex.split(line)[1:] for line in text.splitlines() if line.startswith("    drake-tc ")]
 
 
+@pytest.mark.slow
 def test_commands_take_the_diagrams_of_the_page(ran, folder):
     """The arm with a short filter window is stable; the response to its command falls from 1 to 20 Hz.
 
@@ -129,6 +132,7 @@ def test_commands_take_the_diagrams_of_the_page(ran, folder):
     assert len(decibels) == 3 and decibels[-1] < decibels[0] - 10.0
 
 
+@pytest.mark.slow
 def test_the_loop_of_a_function_is_tuned_and_simulated(ran, capsys):
     """The tuned joint tracks better in the simulation too; a function that returns its diagram alone is refused."""
     words = next(words for words in commands("diagram_commands") if words[0] == "tune")
@@ -141,6 +145,7 @@ def test_the_loop_of_a_function_is_tuned_and_simulated(ran, capsys):
     assert "as (diagram, loop), which tune needs" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_own_controllers_run(ran):
     arm, humanoid = scripts("your_own_controller")
     (deviation,) = numbers(ran(arm), "mrad")

