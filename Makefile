@@ -57,8 +57,9 @@ mutations: $(VENV)/.installed-test ## put twenty faults into a copy, one at a ti
 coverage: $(VENV)/.installed-test ## the same tests, and which lines they reach
 	$(BIN)/pytest -q -n 2 --dist loadscope -m 'not slow and not benchmark' --cov drake_tc --cov-report term:skip-covered
 
+# The files are named: to collect all other tests takes as long as these.
 times: $(VENV)/.installed-test ## what one tick costs, measured in rounds: other work on the machine does no harm
-	$(BIN)/pytest -q -m 'benchmark and not slow'
+	$(BIN)/pytest -q -m 'benchmark and not slow' $$(grep -rl --include='test_*.py' 'mark\.benchmark' tests)
 
 wheel: $(VENV)/.installed-test ## build the wheel and run the demo from it, in an empty environment
 	bash .ci/wheel.sh $(BIN)/python
