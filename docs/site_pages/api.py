@@ -60,8 +60,8 @@ def _first_line(value: object) -> str:
 
 
 def _homes() -> dict[str, str]:
-    """Public name to its module, from the imports that only type checkers see."""
-    tree = ast.parse(Path(drake_tc.__file__).read_text(encoding="utf-8"))
+    """Public name to its module."""
+    tree = ast.parse(Path(drake_tc.__file__).with_suffix(".pyi").read_text(encoding="utf-8"))
     found = {}
     for node in ast.walk(tree):
         if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith(FRONT):

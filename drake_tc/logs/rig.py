@@ -45,7 +45,7 @@ from drake_tc.logs.rig_document.declared import (
     joint_types,
     with_declared_file,
 )
-from drake_tc.logs.rig_document.document import HINT, Condition, DriveKind, RigDocument, read_document, values_by_joint
+from drake_tc.logs.rig_document.document import Condition, DriveKind, RigDocument, read_document, values_by_joint
 from drake_tc.logs.rig_document.loads import (
     check_joint_tolerances,
     check_robot_load,
@@ -247,7 +247,7 @@ def parse_rig(document: object, source: Path | str = "rig") -> Rig:
     """
     name = str(source)
     if not isinstance(document, Mapping):
-        raise RigError(f"{name}: expected a mapping, got {quoted(document)} ({HINT})")
+        raise RigError(f"{name}: expected a mapping, got {quoted(document)} ({RigDocument.how_explained()})")
     entries = _with_text_keys(document)
     try:
         check_sizes(entries)

@@ -183,8 +183,8 @@ def _declared(value: float, estimate: Estimate) -> str:
 
 WHY_NOT: dict[RefinementStatus, str] = {
     "accepted": "",
-    "no_gain": "it does not lower the mean absolute position error by at least 5 %",
-    "worse_held_out": "it follows the held-out runs less closely",
+    "no_gain": "a fit to the recorded positions lowers their mean absolute error by less than 5 %",
+    "worse_held_out": "a fit to the recorded positions follows the held-out runs less closely",
     "implausible": "the refined values are not physically possible",
     "resolved": "the free runs already follow the position as closely as the encoder resolves it",
     "nothing_to_simulate": "the joint cannot be simulated from these logs",
@@ -212,13 +212,13 @@ def refinement_sentence(refinement: Refinement, units: JointUnits = TURNING) -> 
     train, left_out = (_change(pair, units) for pair in (refinement.train, refinement.cross_validated))
     if refinement.accepted:
         text = f"{MODEL_FILE} follows the recorded position more closely. On the training runs, its mean absolute error"
-        text = f"Refinement on free runs: {text} is {train}."
+        text = f"{text} is {train}."
         return text + (f" In cross-validation, on stretches of these runs, it is {left_out}." if left_out else "")
     why = f" ({refinement.why.rstrip('.')})" if refinement.why else ""
     if refinement.status == "no_gain" and (left_out or train):
         where = "in cross-validation on stretches of the training runs" if left_out else "on the training runs"
         why = f" ({where}, it is {left_out or train})"
-    return f"Refinement on free runs: there is no refined model, because {WHY_NOT[refinement.status]}{why}."
+    return f"No refined model was written: {WHY_NOT[refinement.status]}{why}."
 
 
 def _change(pair: tuple[float, float] | None, units: JointUnits) -> str:

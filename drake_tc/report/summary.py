@@ -150,7 +150,7 @@ def _say_joint(console: Console, joint: JointResult) -> None:
     for note in note_sentences(joint.load_notes, joint.units):
         say(console, f"  ! {escape(note)}")
     if joint.refinement is not None:
-        say(console, f"  {escape(refinement_sentence(joint.refinement, joint.units))}")
+        say(console, f"  Refinement on free runs: {escape(refinement_sentence(joint.refinement, joint.units))}")
     for effect in joint.effects:
         values = ", ".join(_parameter(n, p) for n, p in effect.parameters.items())
         gain = f"held-out gain {100 * effect.heldout_gain:.0f} %"

@@ -66,7 +66,7 @@ def error_table(joint: JointResult) -> ErrorTable:
     free = (joint.before.free_run_heldout, joint.after.free_run_heldout)
     largest = max((v for v in errors if np.isfinite(v)), default=0.0)
     of_free = max((v for v in free if v is not None and np.isfinite(v)), default=0.0)
-    scale = scale_for(max(largest, of_free) if joint.unit == joint.units.position else largest, joint.unit)
+    scale = scale_for(largest, joint.unit)
     torque = scale_for(largest / gain, joint.units.torque)
     pairs = (
         ("training runs", joint.before.train, joint.after.train),
@@ -75,7 +75,7 @@ def error_table(joint: JointResult) -> ErrorTable:
     rows = [_error_row(pair, scale, torque, gain, largest) for pair in pairs]
     if any(v is not None for v in free):
         b, a = (float("nan") if v is None else v for v in free)
-        position = scale if joint.unit == joint.units.position else scale_for(of_free, joint.units.position)
+        position = scale_for(of_free, joint.units.position)
         rows.append(_error_row(("free run, held-out", b, a), position, None, gain, of_free))
     explainable = joint.unexplained.explainable_rms
     return ErrorTable(

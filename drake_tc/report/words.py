@@ -48,7 +48,8 @@ def why_rejected(rejected: RejectedEffect) -> str:
     """Why an effect was not added, as one sentence without its full stop."""
     if rejected.reason != "too_little_evidence":
         return rejected.obstacle
-    return f"the log odds of the model with it are {rejected.log_odds:+.1f}; {ALTERNATIVE:+g} are required"
+    odds = f"{rejected.log_odds:+.1f}".replace("-", "−")
+    return f"its log odds are {odds}, at least {ALTERNATIVE:+g} is required"
 
 
 NEAR = 0.25

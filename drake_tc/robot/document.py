@@ -4,7 +4,7 @@ The sensors of a robot file: where IMUs and force/torque sensors sit.
 """
 
 from collections.abc import Mapping
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from pydantic import Field, ValidationInfo, field_validator
 
@@ -112,6 +112,8 @@ class LimitKeys(Keys):
 
 class RobotDocument(Keys):
     """What a robot file may say."""
+
+    SCHEMA: ClassVar[str] = "robot"
 
     name: Name = key("Name of the robot.", example="leg", default=..., expected="a name")
     urdf: FileName = key(

@@ -22,7 +22,6 @@ __all__ = ["ForceTorqueMount", "Mount", "Pose", "Robot", "load_robot"]
 
 SHOWN = 3
 """Joints that a sentence names; of more it says how many."""
-HINT = "`drake-tc schema robot --page` explains every key"
 
 
 @dataclass(frozen=True, eq=False)
@@ -243,7 +242,7 @@ def load_robot(path: Path | str, *, found_links: bool = True) -> Robot:
         'r_knee'
     """
     source = Path(path)
-    read = validated(RobotDocument, read_yaml(source, "robot file (YAML)"), str(source), hint=HINT)
+    read = validated(RobotDocument, read_yaml(source, "robot file (YAML)"), str(source))
     try:
         return _robot(source, read, found_links=found_links)
     except ParamsError as error:

@@ -8,7 +8,7 @@ import time
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, get_args
+from typing import Annotated, Any, ClassVar, get_args
 
 import numpy as np
 from pydantic import BeforeValidator, Field
@@ -182,6 +182,8 @@ SOLVER_NAMES = (*SOLVERS, *OF_DRAKE, PROGRAM)
 class ControllerDocument(Keys):
     """What a controller file may say."""
 
+    SCHEMA: ClassVar[str] = "controller"
+
     robot: FileName = key(
         "Robot file, relative to this file, or `package://NAME/path`.",
         example="leg.yaml",
@@ -243,7 +245,6 @@ class ControllerDocument(Keys):
 
 
 _NUMBERS = ("contact_damping", "fallback_damping", "fade")
-HINT = "`drake-tc schema controller --page` explains every key"
 
 
 def load_law(path: Path | str, changes: Mapping[str, Any] | None = None, actuators: Path | None = None) -> Law:
@@ -267,7 +268,7 @@ def load_law(path: Path | str, changes: Mapping[str, Any] | None = None, actuato
     document = read_yaml(source, "controller file (YAML)")
     if changes and isinstance(document, Mapping):
         document = merged(document, changes)
-    read = validated(ControllerDocument, document, str(source), hint=HINT)
+    read = validated(ControllerDocument, document, str(source))
     try:
         return _law(source, read, actuators)
     except ParamsError as error:

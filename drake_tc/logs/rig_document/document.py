@@ -8,7 +8,7 @@ import operator
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal, TypeAlias, TypeVar, get_args
+from typing import Annotated, Any, ClassVar, Literal, TypeAlias, TypeVar, get_args
 
 import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag, ValidationInfo, field_validator
@@ -218,6 +218,8 @@ FileName = Annotated[str, Field(min_length=1), saying("the name of a robot file 
 class RigDocument(Keys):
     """What a rig file may say."""
 
+    SCHEMA: ClassVar[str] = "rig"
+
     joint: JointName | None = key(
         "Name of the joint. A file has `joint` or `joints`, not both.",
         example="knee",
@@ -426,16 +428,13 @@ class RigDocument(Keys):
         return (self.joint,) if self.joint is not None else tuple(self.joints or ())
 
 
-HINT = "`drake-tc schema rig --page` explains every key"
-
-
 def read_document(source: str, document: object) -> RigDocument:
     """The checked document.
 
     Raises:
         RigError: The first thing that is wrong in it; one line.
     """
-    return validated(RigDocument, document, source, RigError, HINT)
+    return validated(RigDocument, document, source, RigError)
 
 
 def rig_schema() -> dict[str, Any]:

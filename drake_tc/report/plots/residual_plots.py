@@ -116,7 +116,7 @@ def cloud_svg(cloud: Cloud, against: Quantity, rows: SplitRows) -> str:
             axes.text(
                 0.99,
                 0.98,
-                f"{outside} beyond the frame",
+                f"{outside} outside the axes",
                 transform=axes.transAxes,
                 ha="right",
                 va="top",
