@@ -80,7 +80,7 @@ def test_models_that_were_not_simulated_have_no_column(joint: JointResult) -> No
 @pytest.mark.parametrize("status", [s for s in WHY_NOT if s != "accepted"])
 def test_a_model_that_stays_says_why(status: str) -> None:
     said = refinement_sentence(Refinement(status, why="It is 3 N*m." if status == "implausible" else ""))  # type: ignore[arg-type]
-    assert said.startswith("Refinement on free runs: there is no refined model, because ")
+    assert said.startswith("No refined model was written: ")
     assert ("(It is 3 N*m)" in said) == (status == "implausible")
 
 

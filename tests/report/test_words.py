@@ -334,7 +334,7 @@ def test_what_must_not_be_overlooked(joint):
 
 def test_an_effect_that_was_tried_is_told_with_its_log_odds_and_another_with_its_obstacle():
     tried = RejectedEffect("delay", "delay", "too_little_evidence", "", -1.24, 0.03)
-    assert why_rejected(tried) == f"the log odds of the model with it are -1.2; {ALTERNATIVE:+g} are required"
+    assert why_rejected(tried) == f"its log odds are −1.2, at least {ALTERNATIVE:+g} is required"
     barred = RejectedEffect("delay", "delay", "not_recorded", "temperature not recorded")
     assert why_rejected(barred) == "temperature not recorded"
 

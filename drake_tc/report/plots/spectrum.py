@@ -206,7 +206,7 @@ def _panel(name: str, title: str, before: Correlation, after: Correlation, reach
         return to_svg(figure, f"correlation of the {title}, before and after")
 
 
-SIZE = (8.2, 2.6)
+SIZE = (6.2, 2.5)
 BANDS_PER_OCTAVE = 12
 LEAST_GAIN = 0.05
 """Amplitude that the filters pass at the upper end of the frequencies shown."""

@@ -120,7 +120,7 @@ def test_a_model_that_follows_as_well_as_the_encoder_resolves_stays():
     train, held = runs_of(servo)
     found = refine_joint(diagnosed(servo, train, held), rig_of(servo), train)
     assert found.status == "resolved" and found.model is None
-    assert "there is no refined model" in refinement_sentence(found)
+    assert "No refined model was written" in refinement_sentence(found)
 
 
 def test_a_refinement_that_does_not_carry_over_to_other_runs_is_rejected():
