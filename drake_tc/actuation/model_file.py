@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
-from typing import Annotated, Any, TypeAlias, get_args
+from typing import Annotated, Any, ClassVar, TypeAlias, get_args
 
 import numpy as np
 import yaml
@@ -240,6 +240,8 @@ class JointKeys(Keys):
 class ModelDocument(Keys):
     """What an actuator model file may say."""
 
+    SCHEMA: ClassVar[str] = "actuator"
+
     joints: Annotated[dict[str, JointKeys], Field(min_length=1)] = key(
         "By joint, its drive and its effects.",
         example={"knee": {"drive": {"kind": "current", "gain": 0.08}, "effects": []}},
@@ -269,7 +271,6 @@ OF_LINKS: Mapping[str, tuple[str, ...]] = MappingProxyType(
 """Shared causes that change a link, and their numbers in SI units."""
 TORQUE_AS_EFFORT = "torques_in_unit_of_effort"
 """Entry of the provenance: joints whose torques are in the unit of the effort, because nothing fixed their scale."""
-HINT = "`drake-tc schema actuator --page` explains every key"
 
 
 @dataclass(frozen=True)
@@ -286,7 +287,7 @@ class ModelFile:
 
     models: Mapping[str, ActuatorModel]
     provenance: Mapping[str, Any] = field(default_factory=dict)
-    shared: tuple[Mapping[str, Any], ...] = ()
+    shared: Sequence[Mapping[str, Any]] = ()
     links: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     remainders: Mapping[str, Remainder] = field(default_factory=dict)
 
@@ -295,6 +296,38 @@ class ModelFile:
         """Joints of the file whose torques are in the unit of the effort and not in N m."""
         named = self.provenance.get(TORQUE_AS_EFFORT)
         return tuple(joint for joint in self.models if isinstance(named, list) and joint in named)
+
+    def save(self, path: Path | str) -> None:
+        """Write the file, one effect a line; `load_model_file` reads the same back.
+
+        Args:
+            path: File to write.
+        """
+        lines = []
+        if self.provenance:
+            text = yaml.safe_dump(
+                {"provenance": dict(self.provenance)}, default_flow_style=False, sort_keys=False, allow_unicode=True
+            )
+            lines.append(text.rstrip())
+        lines.append("joints:")
+        for joint, model in self.models.items():
+            lines.append(f"  {yaml.safe_dump(joint).splitlines()[0]}:")
+            lines.append(f"    drive: {{kind: {model.drive.kind}, gain: {float(model.drive.gain)!r}}}")
+            if model.joint_type != "revolute":
+                lines.append(f"    joint_type: {model.joint_type}")
+            lines.append("    effects:" + ("" if model.effects else " []"))
+            lines.extend(f"      - {_line(value)}" for value in model.effects)
+            if joint in self.remainders:
+                lines.append(f"    remainder: {_flow(_remainder_entry(self.remainders[joint]))}")
+        if self.shared:
+            lines.append("shared:")
+            lines.extend(f"  - {_flow(entry)}" for entry in self.shared)
+        if self.links:
+            lines.append("links:")
+            lines.extend(
+                f"  {yaml.safe_dump(link).splitlines()[0]}: {_flow(values)}" for link, values in self.links.items()
+            )
+        write_whole(path, "\n".join(lines) + "\n")
 
 
 def load_model_file(path: Path | str) -> ModelFile:
@@ -305,7 +338,7 @@ def load_model_file(path: Path | str) -> ModelFile:
             message names file, joint and field.
     """
     document = read_yaml(Path(path), "model file")
-    read = validated(ModelDocument, document, str(path), hint=HINT)
+    read = validated(ModelDocument, document, str(path))
     odd = next((joint for joint in read.joints if not joint.isprintable() or not joint.strip()), None)
     if odd is not None:
         raise ParamsError(f"{path}: joints: expected names of printable characters; got {quoted(odd)}")
@@ -398,13 +431,7 @@ def _remainder_entry(found: Remainder) -> dict[str, Any]:
 
 
 def save_models(
-    models: Mapping[str, ActuatorModel],
-    path: Path | str,
-    *,
-    provenance: Mapping[str, Any] | None = None,
-    shared: Sequence[Mapping[str, Any]] = (),
-    links: Mapping[str, Mapping[str, float]] | None = None,
-    remainders: Mapping[str, Remainder] | None = None,
+    models: Mapping[str, ActuatorModel], path: Path | str, *, provenance: Mapping[str, Any] | None = None
 ) -> None:
     """Write a model file that `load_models` reads back to the same models, one effect a line.
 
@@ -412,9 +439,6 @@ def save_models(
         models: Joint name to model.
         path: File to write.
         provenance: Where the numbers come from, of plain YAML types.
-        shared: What no joint owns, of plain YAML types.
-        links: By link, inertial parameters that were fitted.
-        remainders: By joint, torque that no effect explains.
 
     Example:
         >>> models = load_models(MODELS / "hrp2_like" / "hrp2_like_leg_actuators.yaml")
@@ -422,26 +446,4 @@ def save_models(
         >>> load_models(FOLDER / "copy.yaml") == models
         True
     """
-    lines = []
-    if provenance:
-        text = yaml.safe_dump(
-            {"provenance": dict(provenance)}, default_flow_style=False, sort_keys=False, allow_unicode=True
-        )
-        lines.append(text.rstrip())
-    lines.append("joints:")
-    for joint, model in models.items():
-        lines.append(f"  {yaml.safe_dump(joint).splitlines()[0]}:")
-        lines.append(f"    drive: {{kind: {model.drive.kind}, gain: {float(model.drive.gain)!r}}}")
-        if model.joint_type != "revolute":
-            lines.append(f"    joint_type: {model.joint_type}")
-        lines.append("    effects:" + ("" if model.effects else " []"))
-        lines.extend(f"      - {_line(value)}" for value in model.effects)
-        if remainders and joint in remainders:
-            lines.append(f"    remainder: {_flow(_remainder_entry(remainders[joint]))}")
-    if shared:
-        lines.append("shared:")
-        lines.extend(f"  - {_flow(entry)}" for entry in shared)
-    if links:
-        lines.append("links:")
-        lines.extend(f"  {yaml.safe_dump(link).splitlines()[0]}: {_flow(values)}" for link, values in links.items())
-    write_whole(path, "\n".join(lines) + "\n")
+    ModelFile(models, provenance or {}).save(path)

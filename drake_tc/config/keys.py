@@ -8,7 +8,7 @@ Values with units in input files: a number in SI, or a text such as `0.1 deg`.
 
 import math
 from collections.abc import Callable, Iterable, Mapping
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 from pydantic import (
     AfterValidator,
@@ -97,7 +97,15 @@ HIDDEN = "@"
 class Keys(BaseModel):
     """A mapping of an input file: nothing but the keys of the class, every one of the type it has there."""
 
+    SCHEMA: ClassVar[str] = ""
+    """What `drake-tc schema` calls the file, where the mapping is a whole file."""
+
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+
+    @classmethod
+    def how_explained(cls) -> str:
+        """Where the keys of the file are explained."""
+        return f"`drake-tc schema {cls.SCHEMA} --page` explains every key" if cls.SCHEMA else ""
 
     @model_validator(mode="before")
     @classmethod

@@ -45,7 +45,6 @@ def validated(
     document: object,
     source: str = "",
     error: type[DrakeTcError] = ParamsError,
-    hint: str = "",
     within: str = "",
 ) -> Document:
     """The checked document.
@@ -55,18 +54,18 @@ def validated(
         document: Plain data.
         source: Where it comes from, for the message.
         error: What to raise.
-        hint: Where the keys are explained; added where a key is unknown or missing.
         within: Place of the document in its file.
 
     Raises:
-        DrakeTcError: of the kind `error`; the first thing that is wrong in the document, in one line.
+        DrakeTcError: of the kind `error`; the first thing that is wrong in the document, in one line. Where a key is
+            unknown or missing, it says where the keys are explained.
     """
     try:
         return model.model_validate(document)
     except ValidationError as found:
         first: Any = found.errors(include_url=False)[0]
         text = _text(first)
-        if hint and (text.startswith("unknown key") or " is missing; " in text):
+        if (hint := model.how_explained()) and (text.startswith("unknown key") or " is missing; " in text):
             text = f"{text} ({hint})"
         place = _place((within, *first["loc"]) if within else first["loc"])
         raise error(message(source, place, text)) from None
@@ -111,7 +110,6 @@ def read_record(
     kind: type[Record],
     document: object,
     source: str,
-    hint: str = "",
     more: Mapping[str, Any] | None = None,
     within: str = "",
 ) -> Record:
@@ -121,14 +119,13 @@ def read_record(
         kind: The dataclass.
         document: What the file says.
         source: Where it comes from, for the message.
-        hint: Where the keys are explained.
         more: Fields that are not the file's, which may then not give them.
         within: Place of the document in its file.
 
     Raises:
         ParamsError: an unknown or missing key, or a value that is not possible.
     """
-    read = validated(record_keys(kind, *sorted(more or ())), document, source, hint=hint, within=within)
+    read = validated(record_keys(kind, *sorted(more or ())), document, source, within=within)
     try:
         return kind(**{name: getattr(read, name) for name in read.model_fields_set}, **(more or {}))
     except DrakeTcError as found:
@@ -177,6 +174,7 @@ def _keys_of(kind: type[Any], without: tuple[str, ...]) -> type[Keys]:
     }
     text = (kind.__doc__ or "").split("Attributes:")[0].split("Raises:")[0].strip()
     made: type[Keys] = create_model(kind.__name__, __base__=Keys, __doc__=text, **keys)
+    made.SCHEMA = getattr(kind, "SCHEMA", "")
     _KINDS[made] = kind
     return made
 

@@ -79,11 +79,7 @@ _WHY: Mapping[str, str] = {
 
 
 def _declared_gains(read: RigDocument) -> tuple[dict[str, float], dict[str, float]]:
-    """By joint: the declared drive gain K [effort/(N m)], and the servo's derivative gain [N m s/rad].
-
-    Raises:
-        ValueError: Keys that do not go together; begins with the key.
-    """
+    """By joint: the declared drive gain K [effort/(N m)], and the servo's derivative gain [N m s/rad]."""
     joints = read.joint_names
     stated = {key: values_by_joint(getattr(read, key), joints) for key in STATED}
     drives = values_by_joint(read.drive, joints)

@@ -105,8 +105,7 @@ class ScenarioBase:
         kind: Any = cls
         folder = {"source": str(path.parent)} if any(field.name == "source" for field in fields(kind)) else {}
         document = read_scenario(path, name, text)
-        hint = f"`drake-tc schema {cls.SCHEMA} --page` explains every key" if cls.SCHEMA else ""
-        return read_record(cls, document, str(path), hint=hint, more=folder, within=name)
+        return read_record(cls, document, str(path), more=folder, within=name)
 
     def changed(self, **changes: Any) -> Self:
         """The same with other values; those that are None stay."""

@@ -23,7 +23,7 @@ from scipy.optimize import brentq
 from scipy.stats import t as student
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
-from drake_tc.actuation.model_file import load_model_file, save_models
+from drake_tc.actuation.model_file import ModelFile, load_model_file
 from drake_tc.config.files import path_from, utf8_name, write_whole
 from drake_tc.config.quoted import json_value
 from drake_tc.diagnosis.result.models import REFERENCE, reference_of
@@ -248,7 +248,7 @@ def save_new_model(found: ComparisonResult, path: Path, home: Path | None = None
         "logs": [utf8_name(log) for log in found.logs],
         REFERENCE: reference,
     }
-    save_models(models, path, provenance=provenance, shared=stored.shared)
+    ModelFile(models, provenance, stored.shared).save(path)
 
 
 def _new_model(model: ActuatorModel, joint: JointComparison) -> ActuatorModel:

@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
-from drake_tc.actuation.model_file import load_model_file, load_models, save_models
+from drake_tc.actuation.model_file import ModelFile, load_model_file, load_models
 from drake_tc.effects.base import Context
 from drake_tc.effects.library import effect
 from drake_tc.errors import LogError, ParamsError, RigError
@@ -110,7 +110,7 @@ def test_a_torque_sensor_that_is_not_there_has_no_error():
 def test_model_file_keeps_what_no_joint_owns(tmp_path):
     models = {"turn": ActuatorModel("turn", Drive("current", 0.2), (EffectValue("viscous", {"viscous": 1.0}),))}
     shared = [{"effect": "link_mass", "where": "upper", "mass": 0.4, "ci95": {"mass": [0.3, 0.5]}}]
-    save_models(models, tmp_path / "after.yaml", shared=shared)
+    ModelFile(models, shared=shared).save(tmp_path / "after.yaml")
     assert load_models(tmp_path / "after.yaml") == models
     assert list(load_model_file(tmp_path / "after.yaml").shared) == shared
     (tmp_path / "bad.yaml").write_text(

@@ -13,7 +13,7 @@ from few_effects import diagnoses_look_for, experiments_fit
 from public_examples import namespace
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
-from drake_tc.actuation.model_file import load_models, save_models
+from drake_tc.actuation.model_file import ModelFile, load_models, save_models
 from drake_tc.actuation.remainder import Remainder
 from drake_tc.cli import demo
 from drake_tc.cli.main import run
@@ -162,7 +162,7 @@ def test_the_pages_of_simulators_export_and_read(knee, monkeypatch):
     servo = ActuatorModel("knee", Drive("voltage", 0.5), (EffectValue("viscous", {"viscous": 4.0}),))
     rest = Remainder(np.zeros(4), np.ones(4), np.zeros((1, 4)), 1.0, 0.1, 0.3, np.ones(8))
     save_models({"knee": servo}, knee / "model_after.yaml")
-    save_models(model, knee / "out" / "knee" / "model_after.yaml", remainders={"knee": rest})
+    ModelFile(model, remainders={"knee": rest}).save(knee / "out" / "knee" / "model_after.yaml")
     assert len(lines) == 6
     for line in lines:
         assert run(shlex.split(line)[1:]) == 0, line

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
-from drake_tc.actuation.model_file import save_models
+from drake_tc.actuation.model_file import ModelFile
 from drake_tc.actuation.remainder import Remainder, frequencies
 from drake_tc.cli.main import run
 from drake_tc.errors import ParamsError
@@ -74,7 +74,7 @@ def test_one_joint_alone_is_a_batch_of_one():
 def model(tmp_path):
     path = tmp_path / "model.yaml"
     both = {name: replace(MODEL, joint=name) for name in ("left/knee", "ankle")}
-    save_models(both, path, remainders={"left/knee": remainder(6)})
+    ModelFile(both, remainders={"left/knee": remainder(6)}).save(path)
     return str(path)
 
 

@@ -5,7 +5,7 @@ import json
 import pytest
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
-from drake_tc.actuation.model_file import TORQUE_AS_EFFORT, load_model_file, save_models
+from drake_tc.actuation.model_file import TORQUE_AS_EFFORT, ModelFile, load_model_file, save_models
 from drake_tc.cli.main import run as drake_tc
 
 MODELS = {
@@ -29,7 +29,7 @@ def test_the_command_says_which_joints_are_not_in_newton_metres(tmp_path, capsys
 
 @pytest.mark.parametrize("links", [None, {"thigh": {"m": 4.0, "mx": 0.1}, "shin": {"m": 1.5}}])
 def test_fitted_links_that_are_not_written_are_pointed_out(tmp_path, capsys, links):
-    save_models(MODELS, tmp_path / "model.yaml", links=links)
+    ModelFile(MODELS, links=links or {}).save(tmp_path / "model.yaml")
     assert load_model_file(tmp_path / "model.yaml").links == (links or {})
     command = ["export", str(tmp_path / "model.yaml"), "--to", "urdf", "--out", str(tmp_path / "out.urdf"), "--json"]
     assert drake_tc(command) == 0

@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose
 from robot_files import write_robot
 
 from drake_tc.actuation.model import ActuatorModel, Drive
-from drake_tc.actuation.model_file import save_models
+from drake_tc.actuation.model_file import ModelFile
 from drake_tc.errors import ParamsError
 from drake_tc.robot.link_changes import NAMES, parameters_of
 from drake_tc.robot.plant import make_plant
@@ -19,7 +19,7 @@ JOINTS = ["shoulder", "slide", "spin", "wrist"]
 
 def written(folder, shared=(), links=None):
     models = {joint: ActuatorModel(joint, Drive("current", 0.5)) for joint in JOINTS}
-    save_models(models, folder / "model_after.yaml", shared=shared, links=links)
+    ModelFile(models, shared=shared, links=links).save(folder / "model_after.yaml")
     return write_robot(folder, ARM, JOINTS, actuators="model_after.yaml")
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from drake_tc.actuation.model_file import load_model_file, load_models, save_models
+from drake_tc.actuation.model_file import ModelFile, load_model_file, load_models
 from drake_tc.actuation.remainder import EDGE, LENGTHS, SUBSETS, Remainder, features
 from drake_tc.cli.demo import demo_model, demo_run
 from drake_tc.cli.main import run
@@ -90,7 +90,7 @@ def test_a_model_file_is_read_back_and_a_bad_remainder_is_named(tmp_path, diagno
         rng.normal(size=4), np.ones(4), rng.normal(size=(2, 4)), 1.5, 0.5, 0.3, rng.normal(size=8), 0.2, (0.1, 0.3)
     )
     path = tmp_path / "model.yaml"
-    save_models(models, path, remainders={"simulated_knee": one})
+    ModelFile(models, remainders={"simulated_knee": one}).save(path)
     back = load_model_file(path)
     assert back.models == models
     q = np.linspace(-2.0, 2.0, 50)

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from drake_tc.actuation.model import ActuatorModel
-from drake_tc.actuation.model_file import load_models, save_models
+from drake_tc.actuation.model_file import ModelFile, load_models
 from drake_tc.analysis.before_after.case import LoopCase, loop_case, write_welded_robot
 from drake_tc.control.guard import GuardMode, GuardSpec
 from drake_tc.control.joint_loop import JointLoop, quick_margins, with_values
@@ -227,7 +227,7 @@ def _scenarios(case: LoopCase, robot: Robot, folder: Path) -> dict[str, Scenario
     files = {side: folder / f"{side}.yaml" for side in SIDES}
     for side, models in zip(SIDES, (case.before, case.after), strict=True):
         shared = case.shared if side == "after" else ()
-        save_models({**others, **models}, files[side], shared=shared, links=case.links)
+        ModelFile({**others, **models}, shared=shared, links=case.links).save(files[side])
     both = Scenario(
         robot=str(case.robot.resolve()),
         actuators=str(files["after"]),

@@ -23,7 +23,7 @@ from pydrake.systems.framework import Context, OutputPort
 
 from drake_tc.actuation.compensator import Compensator, Motion
 from drake_tc.actuation.model import ActuatorModel, EffectValue
-from drake_tc.actuation.model_file import save_models
+from drake_tc.actuation.model_file import ModelFile
 from drake_tc.analysis.sweep import sweep
 from drake_tc.analysis.tracking_error import JointTask
 from drake_tc.analysis.tuning import Tuning
@@ -93,7 +93,7 @@ def compare_on_plant(point: Compared, seed: int) -> FloatArray:
     noise = int(generator.integers(2**31))
     with TemporaryDirectory() as folder:
         file = Path(folder) / "actuators.yaml"
-        save_models(models, file, shared=robot.changes.causes, links=robot.changes.fitted)
+        ModelFile(models, shared=robot.changes.causes, links=robot.changes.fitted).save(file)
         rows = []
         for scenario in point.scenarios:
             known = scenario.model or scenario.actuators or str(Path(str(robot.actuators)).resolve())

@@ -1,11 +1,13 @@
 """The model files before and after: `ActuatorModel`s of a result, loadable by every diagram."""
 
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
-from drake_tc.actuation.model_file import TORQUE_AS_EFFORT, save_models
+from drake_tc.actuation.model_file import TORQUE_AS_EFFORT, ModelFile
 from drake_tc.actuation.remainder import Remainder
 from drake_tc.config.files import path_from, utf8_name
 from drake_tc.diagnosis.data.samples import Samples
@@ -59,10 +61,10 @@ def models_of(result: CloseLoopResult, out: Path, home: Path | None = None) -> t
             "error": {j.joint: _error(j, j.after if final else j.before) for j in result.joints.values()},
             REFERENCE: {j.joint: reference_of(j, final=final) for j in result.joints.values()},
         }
-        shared = [shared_entry(cause) for cause in result.shared] if final else []
-        links = None if result.links is None or not final else links_entry(result.links)
-        left = remainders_of(result) if final else None
-        save_models(models, out / name, provenance=provenance, shared=shared, links=links, remainders=left)
+        file = ModelFile(models, provenance)
+        if final:
+            file = replace(file, **_found(result), remainders=remainders_of(result))
+        file.save(out / name)
         texts.append((out / name).read_text(encoding="utf-8"))
     _save_refined(result, out / MODEL_FILE, home or out)
     return texts[0], texts[1]
@@ -105,9 +107,13 @@ def _save_refined(result: CloseLoopResult, path: Path, home: Path) -> None:
         "refined": sorted(found),
         "mean_absolute_error_of_training_free_runs": errors,
     }
-    shared = [shared_entry(cause) for cause in result.shared]
-    links = None if result.links is None else links_entry(result.links)
-    save_models(models, path, provenance=provenance, shared=shared, links=links)
+    ModelFile(models, provenance, **_found(result)).save(path)
+
+
+def _found(result: CloseLoopResult) -> dict[str, Any]:
+    """What was found beside the joints' own effects: shared causes and links, as a model file has them."""
+    links = {} if result.links is None else links_entry(result.links)
+    return {"shared": [shared_entry(cause) for cause in result.shared], "links": links}
 
 
 def _provenance(result: CloseLoopResult, home: Path) -> dict[str, object]:

@@ -94,11 +94,7 @@ LogColumn: TypeAlias = Annotated[str, Field(min_length=1), saying("the name of a
 
 
 def _canonical_name(name: str, joints: Sequence[str]) -> str:
-    """A full canonical name: `time`, `<joint>/<suffix>`, a sensor's, or a bare suffix of the only joint.
-
-    Raises:
-        ValueError: It is none of these; with the nearest match.
-    """
+    """A full canonical name: `time`, `<joint>/<suffix>`, a sensor's, or a bare suffix of the only joint."""
     if name in ("time", "enabled"):
         return name
     if name in JOINT_SUFFIXES and len(joints) == 1:
@@ -120,9 +116,6 @@ def _canonical_columns(columns: Mapping[str, str | int], joints: Sequence[str]) 
 
     A last part stands for the columns of all joints, where the name in the file has `<joint>` in place of a joint's
     name; a column with an entry of its own keeps that.
-
-    Raises:
-        ValueError: A key is not a canonical column.
     """
     of_all: dict[str, str] = {}
     own: dict[str, str] = {}
@@ -141,11 +134,7 @@ def _canonical_columns(columns: Mapping[str, str | int], joints: Sequence[str]) 
 
 
 def _check_units(units: Mapping[str, str | float], joints: Sequence[str]) -> None:
-    """Every unit is one of its column's quantity.
-
-    Raises:
-        ValueError: A key is not a canonical column or suffix, or the unit is not one of that quantity.
-    """
+    """Every unit is one of its column's quantity."""
     for name, unit in units.items():
         if not allowed_units(name) or "/" in name:
             _canonical_name(name, joints)

@@ -23,7 +23,7 @@ from pydrake.systems.framework import OutputPort
 from pydrake.systems.primitives import ConstantVectorSource, Demultiplexer
 
 from drake_tc.actuation.model import ActuatorModel, EffectValue
-from drake_tc.actuation.model_file import models_of_joints, save_models
+from drake_tc.actuation.model_file import ModelFile, models_of_joints
 from drake_tc.actuation.wiring import sliding
 from drake_tc.control.gains import TorqueGains
 from drake_tc.control.guard import CommandGuard, rated_guard
@@ -490,7 +490,7 @@ def sliding_scenario(scenario: Scenario, folder: Path, direction: float = 0.0) -
         robot = loop_robot(scenario, controller=controller)
         models = actuator_models(plain, robot, controller=controller)
         path = str((folder / f"sliding_{name}.yaml").resolve())
-        save_models(sliding(models, direction), path, shared=robot.changes.causes, links=robot.changes.fitted)
+        ModelFile(sliding(models, direction), shared=robot.changes.causes, links=robot.changes.fitted).save(path)
         return path
 
     return replace(scenario, actuators=saved("actuators", controller=False), model=saved("model", controller=True))

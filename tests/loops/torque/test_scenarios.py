@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from drake_tc.actuation.model_file import save_models
+from drake_tc.actuation.model_file import ModelFile
 from drake_tc.errors import ParamsError
 from drake_tc.loops.scenarios import read_mapping, scenario_names
 from drake_tc.loops.torque.running import build_loop, simulate_scenario
@@ -229,7 +229,7 @@ def test_a_payload_in_a_model_file_reaches_plant_and_controller(
     models = actuator_models(scenario, robot)
     payload = {"effect": "payload", "where": "r_shank", "mass": 6.0, "com_x": 0.1, "com_y": 0.0, "com_z": -0.1}
     for name, shared in (("after", [payload]), ("before", [])):
-        save_models(models, tmp_path / f"{name}.yaml", shared=shared)
+        ModelFile(models, shared=shared).save(tmp_path / f"{name}.yaml")
     known = replace(scenario, actuators=str(tmp_path / "after.yaml"))
     unknown = replace(known, model=str(tmp_path / "before.yaml"))
     errors = {}
