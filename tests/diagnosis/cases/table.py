@@ -21,21 +21,8 @@ WRONG: frozenset[str] = frozenset(
 QUICK: frozenset[str] = frozenset(
     {
         "timing: a goal logged after it was written is no delay",
-        "timing: a command held at 100 Hz",
-        "drive: a supply that sags",
-        "load: a pendulum lighter than declared",
         "load: smooth",
-        "load: a run without a mass is refused",
-        "load: a measured torque in mN m is refused",
-        "sensors: a bias of five tolerances",
         "sensors: the zero of a current of six tolerances",
-        "sensors: a torque that drifts",
-        "speed only: quadratic friction",
-        "speed only: a pendulum asks for the position",
-        "faults: one run, time backwards, is refused",
-        "faults: a rig file without a drive is refused",
-        "faults: one run is refused",
-        "robots: a robot file that is not there is refused",
     }
-)
-"""Rows of every theme that take a few seconds. `make test` runs their first seeds; all else is slow."""
+) | {case.name for case in CASES if case.refusal}
+"""Three rows, and what is refused. `make test` runs their first seeds; all else is slow."""
