@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-import pandas as pd
 import pytest
 from few_effects import diagnoses_look_for, experiments_fit
 
@@ -16,7 +15,7 @@ from drake_tc.experiments.check import effects
 from drake_tc.experiments.design import known
 from drake_tc.experiments.fitted import FittedJoint, fitted_joint
 
-SHORT = DemoLength(duration=8.0, period=2e-3, step=2.5e-4)
+SHORT = DemoLength(duration=6.0, period=4e-3, step=5e-4)
 
 
 @dataclass(frozen=True)
@@ -92,15 +91,3 @@ def invoke(capsys) -> Callable[..., Outcome]:
         return Outcome(code, captured.out, captured.err)
 
     return call
-
-
-@pytest.fixture
-def damaged(bench, tmp_path) -> Callable[..., Path]:
-    """damaged(change): a copy of the first run after `change(table)`."""
-
-    def make(change: Callable[[pd.DataFrame], pd.DataFrame], name: str = "damaged.parquet") -> Path:
-        path = tmp_path / name
-        change(pd.read_parquet(bench.logs[0])).to_parquet(path, index=False)
-        return path
-
-    return make

@@ -7,20 +7,14 @@ import pytest
 pytestmark = pytest.mark.usefixtures("fitted_once")
 
 
-def test_it_prints_a_table_of_effects_and_writes_page_and_json(invoke, bench, tmp_path):
+def test_it_prints_a_table_and_names_each_effect_with_the_smallest_size_that_would_be_found(invoke, bench, tmp_path):
     done = invoke("check", *bench.arguments(), "--out", tmp_path / "out")
     assert done.code == 0
     assert "stribeck" in done.out and "Cannot be looked for:" in done.out
     page = (tmp_path / "out" / "check.html").read_text(encoding="utf-8")
     assert "Stribeck friction" in page and "What these logs can show" in page
-    written = json.loads((tmp_path / "out" / "check.json").read_text(encoding="utf-8"))
-    assert written["name"] == "check"
-
-
-def test_its_json_names_each_effect_with_the_smallest_size_that_would_be_found(invoke, bench):
-    done = invoke("check", *bench.arguments(), "--json")
-    assert done.code == 0 and done.err == ""
-    document = json.loads(done.out)
+    document = json.loads((tmp_path / "out" / "check.json").read_text(encoding="utf-8"))
+    assert document["name"] == "check"
     (joint,) = document["joints"].values()
     stribeck = next(e for e in joint["effects"] if e["id"] == "stribeck")
     confused = {"not_separable_from", "separable", "confused_below"}

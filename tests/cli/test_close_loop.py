@@ -13,9 +13,10 @@ import pytest
 
 from drake_tc.actuation.model_file import load_models
 from drake_tc.cli.close_loop_command import print_summary
-from drake_tc.cli.demo import JOINT, ROTOR_INERTIA
+from drake_tc.cli.demo import JOINT, ROTOR_INERTIA, DemoLength, record_demo
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult
 
+from .conftest import Bench
 from .report_schema import check_report
 
 
@@ -123,8 +124,12 @@ URDF = f"""<robot name="mine" xmlns:drake="http://drake.mit.edu">
 """
 
 
-def test_an_export_can_be_tried_in_the_same_call(invoke, look_for, monkeypatch, bench, tmp_path):
+@pytest.mark.slow
+def test_an_export_can_be_tried_in_the_same_call(invoke, look_for, monkeypatch, tmp_path):
     """The report has three errors side by side: of the model found, of its export and of the file of --declared."""
+    length = DemoLength(duration=8.0, period=2e-3, step=2.5e-4)
+    rig, logs, holdout = record_demo(tmp_path / "bench", 0, length, jobs=1)
+    bench = Bench(rig, tuple(logs), holdout[0])
     mine = tmp_path / "mine.urdf"
     mine.write_text(URDF, encoding="utf-8")
     call = [*bench.close_loop(tmp_path / "out"), "--no-closed-loop", "--declared", str(mine)]

@@ -38,7 +38,7 @@ def test_the_files_read_back_without_a_repair(bench):
     for run in runs:
         assert run.notes == ()
         assert_array_equal(run.segment, 0)
-        assert_allclose(run.period, 2e-3, rtol=1e-9)  # the clock as it was written
+        assert_allclose(run.period, SHORT.period, rtol=1e-9)  # the clock as it was written
 
 
 def test_the_rig_file_declares_the_rotor_alone_and_says_that_it_is_simulated(bench):
@@ -58,9 +58,9 @@ def test_in_a_posture_the_torque_sensor_sees_gravity_less_the_push(bench):
     """Link near rest: tau = 18 sin q - push, 18 N m being the demo's gravity moment."""
     table = pd.read_parquet(bench.logs[0])
     push = demo_excitation(0, SHORT)["postures_with_pushes"][1]
-    moved = table[f"{JOINT}/position_command"].diff().abs().rolling(151, center=True).max().to_numpy()
+    moved = table[f"{JOINT}/position_command"].diff().abs().rolling(75, center=True).max().to_numpy()
     still = moved == 0.0
-    assert still.sum() > 1000 and np.ptp(push[still]) > 40.0
+    assert still.sum() > 300 and np.ptp(push[still]) > 40.0
     gravity = 18.0 * np.sin(table[f"{JOINT}/position"].to_numpy())
     slope, offset = np.polyfit(push[still], (table[f"{JOINT}/torque"].to_numpy() - gravity)[still], 1)
     # the link still rings a little, and gives way to the push at up to 0.2 rad/s^2
@@ -97,20 +97,6 @@ def short_demo(monkeypatch, tmp_path):
     return tmp_path
 
 
-def test_the_command_ends_with_the_path_of_the_report_it_wrote(invoke, look_for, short_demo):
-    look_for()
-    outcome = invoke("demo")
-    assert outcome.code == 0, outcome.err
-    *summary, last = outcome.out.splitlines()
-    assert last == "demo/report.html" and (short_demo / last).stat().st_size > 100_000
-    assert summary[0].startswith(f"{JOINT}: ")
-    assert {path.stem for path in (short_demo / "demo" / "demo_logs").glob("*.parquet")} == set(
-        demo_excitation(0, TINY)
-    )
-    named = yaml.safe_load((short_demo / "demo" / "model_after.yaml").read_text(encoding="utf-8"))["provenance"]["rig"]
-    assert (short_demo / "demo" / named).is_file()
-
-
 def test_a_script_gets_json_alone_and_the_joint_of_its_seed(invoke, look_for, short_demo):
     look_for()
     outcome = invoke("demo", "--json", "--seed", 1, "--out", "deep/out")
@@ -122,6 +108,10 @@ def test_a_script_gets_json_alone_and_the_joint_of_its_seed(invoke, look_for, sh
     expected = record_demo(short_demo / "expected", 1, DemoLength(duration=3.0, period=4e-3, step=1e-3), jobs=1)[1][0]
     written = short_demo / "deep" / "out" / "demo_logs" / expected.name
     pd.testing.assert_frame_equal(pd.read_parquet(written), pd.read_parquet(expected), check_exact=True)
+    out = short_demo / "deep" / "out"
+    assert {path.stem for path in (out / "demo_logs").glob("*.parquet")} == set(demo_excitation(0, TINY))
+    named = yaml.safe_load((out / "model_after.yaml").read_text(encoding="utf-8"))["provenance"]["rig"]
+    assert (out / named).is_file() and (out / "report.html").stat().st_size > 100_000
 
 
 def test_a_report_of_the_users_is_not_overwritten(invoke, short_demo):

@@ -38,31 +38,26 @@ def test_it_writes_the_motion_for_a_logger_for_ros_and_for_a_person(invoke, benc
     assert "The next experiment" in page and "<svg" in page
 
 
-def test_after_a_report_it_makes_the_experiment_that_tells_its_alternatives_apart(invoke, bench, quick, tmp_path):
-    report = {
-        "logs": [str(path) for path in bench.logs],
-        "joints": {JOINT: {"indistinguishable": [["delay", "current_lag"]], "effects": []}},
-    }
-    path = tmp_path / "report.json"
-    path.write_text(json.dumps(report), encoding="utf-8")
-    done = invoke("design", "--rig", bench.rig, "--after", path, *quick, "--json")
-    assert done.code == 0, done.err
-    assert json.loads(done.out)["joints"][JOINT]["goal"] == "tell:delay,current_lag"
-
-
-def test_a_pair_that_the_user_names_has_the_sizes_of_the_report(invoke, bench, quick, tmp_path):
+@pytest.mark.parametrize(
+    ("told", "goal"),
+    [
+        ([["delay", "current_lag"]], []),
+        pytest.param([], ["--goal", "tell:delay,current_lag"], marks=pytest.mark.slow),
+    ],
+)
+def test_after_a_report_it_tells_its_alternatives_or_a_named_pair_apart(invoke, bench, quick, tmp_path, told, goal):
     found = {"id": "delay", "parameters": {"delay": {"value": 6.5e-3}}}
     report = {
         "logs": [str(path) for path in bench.logs],
-        "joints": {JOINT: {"indistinguishable": [], "effects": [found]}},
+        "joints": {JOINT: {"indistinguishable": told, "effects": [found]}},
     }
     path = tmp_path / "report.json"
     path.write_text(json.dumps(report), encoding="utf-8")
-    goal = ["--goal", "tell:delay,current_lag"]
     done = invoke("design", "--rig", bench.rig, "--after", path, *goal, *quick, "--json")
     assert done.code == 0, done.err
-    sentence = json.loads(done.out)["joints"][JOINT]["sentences"][0]
-    assert "delay.command (0.0065 s) and current_lag (0.0065 s)" in sentence
+    entry = json.loads(done.out)["joints"][JOINT]
+    assert entry["goal"] == "tell:delay,current_lag"
+    assert "delay.command (0.0065 s) and current_lag (0.0065 s)" in entry["sentences"][0]
 
 
 @pytest.mark.parametrize(
@@ -92,6 +87,7 @@ LOADS = ["--load", "0", "--load", "5@0.4@0", "--torque", "150"]
 GOAL = ["--goal", "parameters:load_dependent_friction,stribeck"]
 
 
+@pytest.mark.slow
 def test_with_loads_it_writes_one_motion_for_each_and_says_what_they_gain(invoke, bench, quick, tmp_path):
     done = invoke("design", *bench.arguments(), *quick, *GOAL, *LOADS, "--json")
     assert done.code == 0, done.err

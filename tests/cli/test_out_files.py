@@ -186,7 +186,6 @@ if __name__ == "__main__":
     ("sent", "code", "line", "preload"),
     [
         (signal.SIGINT, 130, "interrupted", ()),
-        (signal.SIGINT, 130, "interrupted", ("colorsys",)),
         (signal.SIGTERM, 143, "terminated", ("colorsys",)),
     ],
 )

@@ -88,15 +88,6 @@ def test_tables_on_stdout_progress_on_stderr_and_no_miss_hidden(invoke, asked):
     assert "Simulated [so far]." in lines
 
 
-def test_a_narrow_terminal_breaks_no_number(invoke, asked, monkeypatch):
-    monkeypatch.setenv("COLUMNS", "40")
-    outcome = invoke("reproduce", "X.one")
-    assert max(map(len, outcome.out.splitlines())) <= 40
-    words = outcome.out.replace(",", "").replace(":", "").split()
-    assert set(TABLE.rows[0]) <= set(words)
-    assert {"2.5", "3", "nan", "yes", "NO"} <= set(words)
-
-
 @pytest.mark.parametrize("columns", [20, 40, 60, 70, 80, 200])
 def test_no_terminal_hides_a_column(invoke, asked, monkeypatch, columns):
     names = [f"a_long_name_of_joint_{i}" for i in range(6)]
@@ -149,12 +140,6 @@ def test_a_slip_is_one_line(invoke, arguments):
     outcome = invoke("reproduce", *arguments)
     outcome.refusal()
     assert outcome.err.count("\n") == 1
-
-
-def test_help_names_every_option(invoke):
-    outcome = invoke("reproduce", "--help")
-    assert outcome.code == 0
-    assert all(option in outcome.out for option in ("--seed", "--figures", "--json"))
 
 
 def test_without_the_repository_reproduce_says_where_the_tables_are(invoke, monkeypatch):

@@ -17,13 +17,6 @@ SHORT = ("--duration", 0.3)
 SERVO = "{controller: servo, guard: {start_time: 0.05}}"
 
 
-def test_help_names_every_option(invoke):
-    outcome = invoke("simulate", "--help")
-    assert outcome.code == 0 and outcome.err == ""
-    for option in ("--scenario-name", "--scenario-file", "--scenario-text", "--duration", "--seed", "--out", "--json"):
-        assert option in outcome.out
-
-
 @pytest.mark.parametrize("diagram", ["hrp2_leg", "hrp2_leg_contact"])
 def test_json_alone_stands_on_stdout(invoke, diagram):
     outcome = invoke("simulate", diagram, *SHORT, "--seed", 3, "--json")

@@ -4,8 +4,6 @@ import json
 import subprocess
 import sys
 
-import pytest
-
 HEAVY = ("scipy", "pandas", "sklearn", "matplotlib", "pydrake.multibody.plant", "pyarrow", "drake_tc.diagnosis.run")
 
 
@@ -20,9 +18,9 @@ def test_the_command_line_computes_nothing_before_it_knows_the_command():
     assert loaded_by("import drake_tc, drake_tc.cli.main") == []
 
 
-@pytest.mark.parametrize("module", ["drake_tc.loops.joint_bench", "drake_tc.identification.output_error"])
-def test_a_worker_that_simulates_loads_neither_tables_nor_learning_nor_plots(module):
-    assert not {"pandas", "sklearn", "matplotlib"} & set(loaded_by(f"import {module}"))
+def test_a_worker_that_simulates_loads_neither_tables_nor_learning_nor_plots():
+    workers = "import drake_tc.loops.joint_bench, drake_tc.identification.output_error"
+    assert not {"pandas", "sklearn", "matplotlib"} & set(loaded_by(workers))
 
 
 def test_the_module_of_a_command_is_the_one_that_is_missing_here():

@@ -32,15 +32,6 @@ def a_small_space(monkeypatch):
     monkeypatch.setattr(tuning, "SearchSpace", lambda: small)
 
 
-def test_help_names_every_option(invoke):
-    outcome = invoke("tune", "--help")
-    assert outcome.code == 0 and outcome.err == ""
-    for option in ("--joint", "--margin", "--scheduler", "--workers", "--out", "--json", "--seed", "--plants"):
-        assert option in outcome.out
-    outcome = invoke("stability-map", "--help")
-    assert all(option in outcome.out for option in ("--x", "--y", "--figure", "--kf", "--scheduler"))
-
-
 def test_the_tuned_fields_are_what_a_scenario_reads(invoke, tmp_path):
     outcome = invoke("tune", "hrp2_leg", *BRISK, *KNEE, "--no-simulate", "--out", tmp_path / "new", "--json")
     assert outcome.code == 0 and outcome.err == ""
