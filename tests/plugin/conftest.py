@@ -1,5 +1,6 @@
 """The plug-in package of this folder, installed as an installer would leave it, without a network."""
 
+import json
 import os
 import shutil
 import subprocess
@@ -50,11 +51,28 @@ def python(site) -> Callable[..., subprocess.CompletedProcess[str]]:
     return call
 
 
-@pytest.fixture(scope="session")
-def command(python) -> Callable[..., subprocess.CompletedProcess[str]]:
-    """Run `drake-tc` there."""
+COMMANDS = """
+import contextlib, io, json, sys
+from drake_tc.cli.main import run
 
-    def call(*arguments: object, **options: Path) -> subprocess.CompletedProcess[str]:
-        return python("-c", "from drake_tc.cli.entry import main; main()", *arguments, **options)
+said = []
+for arguments in json.loads(sys.argv[1]):
+    with contextlib.redirect_stdout(io.StringIO()) as out:
+        code = run(arguments)
+    said.append((code, out.getvalue()))
+print(json.dumps(said))
+"""
+
+
+@pytest.fixture(scope="session")
+def commands(python) -> Callable[..., list[str]]:
+    """commands(arguments, ...): what each `drake-tc` prints there, all of them in one process."""
+
+    def call(*calls: list[str]) -> list[str]:
+        ran = python("-c", COMMANDS, json.dumps(calls))
+        assert ran.returncode == 0, ran.stderr
+        said = json.loads(ran.stdout)
+        assert [code for code, _ in said] == [0] * len(calls), ran.stderr
+        return [out for _, out in said]
 
     return call

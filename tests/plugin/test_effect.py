@@ -51,25 +51,25 @@ def test_close_loop_finds_the_effect_of_the_installed_package(found):
     assert "Eccentric seal" in (out / "report.html").read_text("utf-8")
 
 
-def test_the_model_after_is_read_and_simulated_with_the_effect(found, python):
+READ = """
+import json, sys
+from drake_tc import load_models, load_rig
+from drake_tc.logs.rig_document.document import rig_schema
+
+keys = [value.key for value in load_models(sys.argv[1])["axis"].effects]
+print(json.dumps([keys, list(load_rig(sys.argv[2]).declared["axis"]), str(rig_schema())]))
+"""
+
+
+def test_models_and_rig_files_name_the_effect_where_it_is_installed(found, bench, python, tmp_path):
     errors = found[0]["joints"]["axis"]["error"]
     assert errors["after"]["free_run_heldout"] < 0.5 * errors["before"]["free_run_heldout"]
-    script = (
-        "import sys; from drake_tc import load_models; model = load_models(sys.argv[1])['axis'];"
-        "print([value.key for value in model.effects])"
-    )
-    ran = python("-c", script, found[2] / "model_after.yaml")
-    assert "seal_drag" in ran.stdout, ran.stderr
-
-
-def test_a_rig_file_may_declare_it_where_it_is_installed(bench, python, tmp_path):
     declaring = tmp_path / "rig.yaml"
     declaring.write_text(bench[0].read_text("utf-8").replace("{rotor_inertia: 0.05}", "[seal_drag]"), "utf-8")
-    script = "import sys; from drake_tc import load_rig; print(load_rig(sys.argv[1]).declared)"
-    ran = python("-c", script, declaring)
-    assert "seal_drag" in ran.stdout, ran.stderr
-    schema = "from drake_tc.logs.rig_document.document import rig_schema; print(rig_schema())"
-    assert "'seal_drag'" in python("-c", schema).stdout
+    ran = python("-c", READ, found[2] / "model_after.yaml", declaring)
+    assert ran.returncode == 0, ran.stderr
+    model, declared, schema = json.loads(ran.stdout)
+    assert "seal_drag" in model and "seal_drag" in declared and "'seal_drag'" in schema
     with pytest.raises(RigError, match="unknown effect 'seal_drag'"):
         load_rig(declaring)
 

@@ -11,22 +11,18 @@ from drake_tc.registry import reproductions, runnable
 from .conftest import PACKAGE, ROOT
 
 
-def test_a_diagram_is_drawn_simulated_and_judged_by_its_name(command, tmp_path):
-    drawn = command("graph", "decay", "--format", "json")
-    assert drawn.returncode == 0, drawn.stderr
-    assert {block["name"] for block in json.loads(drawn.stdout)["blocks"]} >= {"store", "drain"}
-    ran = command("simulate", "decay", "--duration", "0.1", "--out", tmp_path / "run", "--json")
-    assert ran.returncode == 0, ran.stderr
-    assert json.loads(ran.stdout)["diagram"] == "decay"
-    evaluated = command("stability", "decay", "--open-at", "drain:y0", "--json")
-    assert evaluated.returncode == 0, evaluated.stderr
-    assert json.loads(evaluated.stdout)["spectral_radius"] == pytest.approx(0.9, abs=1e-6)
-
-
-def test_a_reproduction_is_computed_by_its_id(command):
-    ran = command("reproduce", "X.half_life", "--json")
-    assert ran.returncode == 0, ran.stderr
-    (row,) = json.loads(ran.stdout)["rows"]
+def test_a_diagram_is_drawn_simulated_and_judged_and_a_reproduction_computed_by_their_names(commands, tmp_path):
+    said = commands(
+        ["graph", "decay", "--format", "json"],
+        ["simulate", "decay", "--duration", "0.1", "--out", str(tmp_path / "run"), "--json"],
+        ["stability", "decay", "--open-at", "drain:y0", "--json"],
+        ["reproduce", "X.half_life", "--json"],
+    )
+    drawn, ran, evaluated, reproduced = map(json.loads, said)
+    assert {block["name"] for block in drawn["blocks"]} >= {"store", "drain"}
+    assert ran["diagram"] == "decay"
+    assert evaluated["spectral_radius"] == pytest.approx(0.9, abs=1e-6)
+    (row,) = reproduced["rows"]
     assert (row["value"], row["expected"], row["met"]) == (7, 7, True)
 
 

@@ -37,6 +37,7 @@ def test_entry_points_on_the_page_are_those_of_the_package(page):
 SCRIPTS = [(page, number) for page, count in (("your_own_effect", 2), ("your_own_task", 2)) for number in range(count)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("page", "number"), SCRIPTS)
 def test_scripts_on_the_page_run(page, number, python, tmp_path):
     """Where the package is importable but, as on the page, not installed with its entry points."""

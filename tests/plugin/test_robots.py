@@ -81,7 +81,7 @@ def folder(tmp_path_factory) -> Path:
     return path
 
 
-@pytest.mark.parametrize("robot", PAIRS)
+@pytest.mark.parametrize("robot", ["arm", pytest.param("humanoid", marks=pytest.mark.slow)])
 def test_task_and_limit_of_the_package(python, folder, robot):
     """The pair's accelerations differ by kp times the error, and the power of a driving joint stays below its limit."""
     (folder / f"{robot}_tsid.yaml").write_text(

@@ -36,12 +36,11 @@ for changes in CHANGES:
         assert message in line
 
 
-def test_the_command_line_simulates_with_them(command):
+@pytest.mark.slow
+def test_the_command_line_simulates_with_them(commands):
     """`simulate` reads the kinds' names from the controller file of a scenario."""
     changes = f"{{changes: {{tasks: {{knees: {MIRROR}}}, limits: {{joint_power: {{watts: 500.0}}}}}}}}"
-    arguments = ("simulate", "humanoid_tsid", "--duration", "0.02", "--json", "--scenario-text", changes)
-    ran = command(*arguments)
-    assert ran.returncode == 0, ran.stderr
-    assert json.loads(ran.stdout)["diagram"] == "humanoid_tsid"
+    (ran,) = commands(["simulate", "humanoid_tsid", "--duration", "0.02", "--json", "--scenario-text", changes])
+    assert json.loads(ran)["diagram"] == "humanoid_tsid"
     with pytest.raises(ParamsError, match=r"tasks\.knees\.kind: expected one of com"):
         load_law(FILE, {"tasks": {"knees": MIRROR}})
