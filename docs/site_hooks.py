@@ -1,5 +1,6 @@
 """MkDocs hooks: pages that are generated when the site is built, its navigation, and links between repository files."""
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -45,6 +46,13 @@ def on_page_markdown(markdown: str, page: Any, config: Any, files: Files) -> str
     return text
 
 
+def on_page_content(html: str, page: Any, config: Any, files: Files) -> str:
+    """Options of a command in a table cell are not broken at their hyphens."""
+    return CELL_CODE.sub(lambda code: OPTION.sub(r'<span class="option">\1</span>', code[0]), html)
+
+
+CELL_CODE = re.compile(r"(?<=<code>)drake-tc [^<]*")
+OPTION = re.compile(r"(--[a-z-]+)")
 PARTS = {
     "papers": papers.overview,
     "benchmarks": benchmarks.overview,

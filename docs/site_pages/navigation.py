@@ -36,14 +36,16 @@ TREE: list[Entry] = [
                     ("An arm with uncertain links", "whole_arm.md"),
                     ("Gain and friction without a diagnosis", "identify.md"),
                     ("The same joint later", "same_joint_later.md"),
+                    ("Watch a joint in use", "joint_monitor.md"),
                     ("My effect", "your_own_effect.md"),
+                    ("Attributes of an effect", "effect_attributes.md"),
                 ],
             ),
             (
                 "Simulators",
                 [
                     ("My simulator", "your_own_simulator.md"),
-                    ("Notes on simulators", "simulator_notes.md"),
+                    ("Targets of the export", "simulator_notes.md"),
                     ("My file as the declared model", "declared_model.md"),
                     ("How much to randomise", "randomisation.md"),
                 ],
@@ -53,6 +55,7 @@ TREE: list[Entry] = [
                 [
                     ("My diagram", "your_own_diagram.md"),
                     ("My diagram in the commands", "diagram_commands.md"),
+                    ("My humanoid", "your_own_humanoid.md"),
                     ("Random contexts and scalar types", "random_contexts.md"),
                     ("My controller", "your_own_controller.md"),
                     ("My task and limit", "your_own_task.md"),
