@@ -163,6 +163,7 @@ def many_runs(joint: JointResult) -> JointResult:
     return replace(joint, train=splits[0], heldout=splits[1], free_run=dict.fromkeys(names, trace))
 
 
+@pytest.mark.slow
 def test_a_page_of_25_runs_and_5_joints_stays_below_4_mb(result: CloseLoopResult, many_runs: JointResult) -> None:
     html = render(replace(result, joints={f"joint_{k}": replace(many_runs, joint=f"joint_{k}") for k in range(5)}))
     assert len(html.encode()) < 4e6
