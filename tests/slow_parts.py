@@ -33,7 +33,7 @@ class Part:
 
 PARTS = {
     "leg": Part(
-        "Del Prete et al. (2016): the leg's torque loop, faults, stress, tuning, its command line",
+        "Del Prete et al. (2016): the leg's torque loop, faults, stress, tuning",
         (
             REPRODUCED + "A.fig*",
             REPRODUCED + "A.t[ao]*",
@@ -111,6 +111,8 @@ PARTS = {
         (
             "benchmarks/blind/*",
             "benchmarks/test_arm_rigs.py::*",
+            "benchmarks/test_gate.py::*",
+            "benchmarks/test_hard_draw.py::*",
             "benchmarks/test_known_arms.py::*",
             "diagnosis/set_up/*",
             "diagnosis/problem/*",

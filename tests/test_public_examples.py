@@ -22,7 +22,13 @@ def test_only_data_is_public_without_an_example():
     assert set(public_names()) - set(DOCUMENTED) == {"LIBRARY"}
 
 
-@pytest.mark.parametrize("name", DOCUMENTED)
+WAITS = "RealTimeLoop"
+"""Its example compiles a controller, and runs by the clock on the wall."""
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.slow] if name == WAITS else []) for name in DOCUMENTED]
+)
 def test_a_public_name_has_an_example_that_runs(name, names, capsys):
     text = inspect.getdoc(DOCUMENTED[name])
     examples = doctest.DocTestParser().get_doctest(text or "", dict(names), name, None, None)

@@ -5,14 +5,11 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
 
 from drake_tc.errors import DrakeTcError
 from drake_tc.joint_simulator.spec import BlindError
 from tests.benchmarks import blind_rigs
-from tests.benchmarks.__main__ import app, scores_json
 from tests.benchmarks.blind.catalogue import catalogue
-from tests.benchmarks.blind.score import score_outcomes
 from tests.benchmarks.blind_rigs import BlindOptions, blind_benchmark, diagnose_folder
 
 SILENT = lambda text, share: None  # noqa: E731
@@ -81,23 +78,3 @@ def test_parts_run_one_after_the_other_share_a_folder(tmp_path: Path, made: list
         with pytest.raises(BlindError, match=r"holds rigs of .*'seed': 2.*choose another folder"):
             blind_benchmark(tmp_path, BlindOptions("smoke", ("outside",)), 3, pool, SILENT)
     assert not any(outcome.answered for outcome in second.outcomes)
-
-
-def test_seeds_are_pooled_and_kept_apart(tmp_path: Path, made: list[str]) -> None:
-    options = BlindOptions("smoke", ("outside",))
-    with ThreadPoolExecutor(1) as pool:
-        scores = {seed: blind_benchmark(tmp_path / str(seed), options, seed, pool, SILENT) for seed in (1, 2)}
-    document = json.loads(json.dumps(scores_json(scores)))
-    rows = {row["name"]: row["n"] for row in document["rows"]}
-    assert document["name"] == "diagnosis" and rows["outside causes flagged"] == 12
-    assert set(document["by_seed"]) == {"1", "2"}
-    assert sum(row["rigs"] for row in document["kinds"]) == 12
-    assert "by_seed" not in scores_json({1: scores[1]})
-    assert score_outcomes(scores[1].outcomes).to_json() == scores[1].to_json()
-
-
-def test_command_line_offers_parts_and_seeds() -> None:
-    text = CliRunner().invoke(app, ["diagnosis", "--help"], env={"COLUMNS": "160"}).output
-    assert all(option in text for option in ("--group", "--kind", "--seed", "--scale", "--json"))
-    refused = CliRunner().invoke(app, ["diagnosis", "--scale", "tiny"])
-    assert refused.exit_code == 2

@@ -28,11 +28,6 @@ def test_met(value, how, met):
     assert BenchmarkRow("x", value, "s", 1.0, how, 0.1 + 1e-12).met is met
 
 
-def test_nothing_is_expected_of_a_figure_without_a_goal():
-    row = BenchmarkRow("x", 2.0)
-    assert (row.met, row.goal, row.judgement()) == (None, "", {})
-
-
 def test_values_have_a_median_and_a_high_percentile():
     row = BenchmarkRow.of_values("tick", "us", np.arange(101) * 1e-6, 1e6)
     assert (row.value, row.highest, row.n) == pytest.approx((50.0, 99.0, 101))
@@ -46,11 +41,6 @@ def test_a_share_is_of_1_for_programs_and_in_percent_for_people():
     assert row.shown(row.value) == "75 %"
     assert BenchmarkRow.share("intervals", [True], "within", 0.945, 0.045).goal == "90 to 99 %"
     assert BenchmarkRow.share("found", [], "min", 0.9).met is False
-
-
-def test_a_figure_of_no_values_is_a_dash_and_not_a_number_with_a_unit():
-    row = BenchmarkRow.of_values("delay", "s", [])
-    assert row.shown(row.value) == "–"
 
 
 def test_what_programs_read():
@@ -84,8 +74,3 @@ def test_a_table_has_no_empty_columns():
 )
 def test_what_programs_read_gives_the_figure_back(row):
     assert BenchmarkRow.of_json(json.loads(json.dumps(row.to_json()))) == row
-
-
-def test_a_stored_figure_without_a_value_is_none():
-    row = BenchmarkRow.of_json(BenchmarkRow("x", float("nan"), "s").to_json())
-    assert np.isnan(row.value) and row.p99 is None

@@ -33,6 +33,7 @@ def diagnosed(recorded):
     return close_loop(recorded.rig, recorded.logs, recorded.holdout, options)
 
 
+@pytest.mark.slow
 def test_least_squares_and_a_given_model_are_judged_on_the_rows_of_the_diagnosis(recorded, diagnosed):
     """The simulated joint lacks 1.2 v|v| [N m]; its true model leaves the noise of the torque sensor alone."""
     true = ActuatorModel(

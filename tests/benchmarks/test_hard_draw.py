@@ -135,7 +135,11 @@ def perfect(rig: Rig) -> Rig:
     )
 
 
-@pytest.mark.parametrize("name", sorted(CAUSES))
+QUICK = {"backlash", "stribeck", "torque_sensor_gain"}
+EACH = [pytest.param(name, marks=[] if name in QUICK else pytest.mark.slow) for name in sorted(CAUSES)]
+
+
+@pytest.mark.parametrize("name", EACH)
 def test_with_perfect_sensors_the_columns_of_each_cause_explain_what_it_does(name: str) -> None:
     cause = CAUSES[name]
     rng = np.random.default_rng(3)

@@ -36,7 +36,13 @@ def by_folder(rigs, name="rig.yaml"):
     return {rig.parent.name: rig for rig in rigs if rig.name == name}
 
 
-@pytest.mark.parametrize("name", sorted(SETS))
+LARGE = ("so101", "ur10e")
+"""Sets of many runs."""
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.slow] if name in LARGE else []) for name in sorted(SETS)]
+)
 def test_every_rig_written_loads_with_all_its_runs(data, tmp_path, name):
     rigs = IMPORTERS[name](data / SETS[name], tmp_path)
     assert rigs and all(rig.is_file() for rig in rigs)

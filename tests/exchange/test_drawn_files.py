@@ -31,7 +31,7 @@ from ..simulator_files.drawn_mjcf import drawn_mjcf, with_includes
 
 MJCF_FILES, DRAKE_FILES = 200, 50
 """Of each kind: with URDF and SDFormat files 300."""
-SHARES, QUICK = 20, 3
+SHARES, QUICK = 20, 1
 """Tests over which they are spread, and how many of these are not slow."""
 NUMBERS = [pytest.param(n, marks=[pytest.mark.slow] if n >= QUICK else []) for n in range(SHARES)]
 H, STEPS = 1e-3, 1500

@@ -55,16 +55,6 @@ def reflected_inertia(actuator):
     return actuator.default_rotor_inertia() * actuator.default_gear_ratio() ** 2
 
 
-def test_mjcf_gives_the_terms_back(tmp_path):
-    path = tmp_path / "bench.xml"
-    path.write_text(to_mjcf(exported("mjcf")))
-    found = read_joints(path, ParamsError)["knee"].terms
-    assert found.armature == 0.31 and found.damping == 32.5 and found.quadratic == 1.5 and found.frictionloss == 6.25
-    assert found.kp == pytest.approx(5000.0) and found.torque_limit == pytest.approx(50.0)
-    assert found.delay == pytest.approx(0.004, rel=1e-6)
-    assert [loss.effect for loss in exported("mjcf")[0].losses] == ["deadzone"]
-
-
 MINE = """<mujoco model="robot">
   <!-- my robot -->
   <compiler angle="degree"/>

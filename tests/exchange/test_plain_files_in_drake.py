@@ -145,6 +145,7 @@ def test_the_error_is_that_of_what_the_format_lacks():
     assert errors[1] > 1.3 * errors[0]
 
 
+@pytest.mark.slow
 def test_the_command_runs_the_export_beside_the_users_own_file(tmp_path, capsys):
     """The rotor inertia in Drake's tags of the user's file stays as it is."""
     command = [*command_into_the_users_file(tmp_path, capsys, "urdf"), "--force", "--json"]

@@ -10,7 +10,7 @@ from .judge import outcomes
 from .sound import sound
 from .warm import warm
 
-FEW = range(200)
+FEW = range(100)
 MANY = range(1000, 21_000)
 SHARES = 8
 """Of the many, so that a failure names a few thousand."""

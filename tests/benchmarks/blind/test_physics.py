@@ -15,7 +15,6 @@ from drake_tc.joint_simulator.spec import BlindError, DivergedError, Drive
 from .make import rig
 from .truth import unmodelled_torque
 
-
 LINEAR = rig(coulomb=0.0, gravity=0.0, duration=2.5)
 PENDULUM = rig(coulomb=0.0, drive="voltage", duration=2.5)
 

@@ -19,7 +19,10 @@ def demo(tmp_path_factory):
     return record_demo(tmp_path_factory.mktemp("demo"), 0, DemoLength(duration=12.0, period=2e-3, step=2.5e-4), jobs=1)
 
 
-@pytest.mark.parametrize("goal", ["tell:stribeck,presliding_hysteresis", "all"])
+PAIR = "tell:stribeck,presliding_hysteresis"
+
+
+@pytest.mark.parametrize("goal", [PAIR, pytest.param("all", marks=pytest.mark.slow)])
 def test_the_motion_of_one_joint_is_designed_quickly(demo, goal):
     """Reading included, in this process's own time."""
     rig, train, _ = demo
@@ -33,7 +36,7 @@ def test_the_motion_of_one_joint_is_designed_quickly(demo, goal):
     require({f"design, {goal}": 15.0}, design, rounds=3)
 
 
-@pytest.mark.parametrize("goal", ["tell:stribeck,presliding_hysteresis", "all"])
+@pytest.mark.parametrize("goal", [pytest.param(PAIR, marks=pytest.mark.slow), "all"])
 def test_the_motions_under_two_known_loads_are_designed_quickly(demo, goal):
     rig, train, _ = demo
     loads = (KnownLoad(0.0), KnownLoad(1.5, 0.3))
