@@ -216,11 +216,7 @@ def read_on_record(path: Path) -> dict[str, OnRecord]:
 
 
 def _read(path: Path) -> tuple[list[object], list[object]]:
-    """The file's `rows`, and what is under `quoted`, if anything is.
-
-    Raises:
-        ParamsError: `rows` or `quoted` is no list of something, or there is another key.
-    """
+    """The file's `rows`, and what is under `quoted`, if anything is."""
     document = read_mapping(path)
     lists = [document.get("rows"), document.get("quoted", [None])]
     if not set(document) <= {"rows", "quoted"} or not all(isinstance(rows, list) and rows for rows in lists):
@@ -232,11 +228,7 @@ def _read(path: Path) -> tuple[list[object], list[object]]:
 
 
 def _by_name(kind: type[Named], listed: list[object], path: Path, key: str) -> dict[str, Named]:
-    """The list's items as `kind`, by name.
-
-    Raises:
-        ParamsError: a field that is unknown, missing or bad, or a name given twice.
-    """
+    """The list's items as `kind`, by name."""
     rows = [read_record(kind, item, str(path), within=f"{key}[{i}]") for i, item in enumerate(listed)]
     named = {row.name: row for row in rows}
     if len(named) != len(rows):

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, distribution
 from importlib.resources import files
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from jinja2 import DictLoader, Environment, StrictUndefined
 from markupsafe import Markup, escape
@@ -40,6 +40,7 @@ from drake_tc.report.sections import (
     shared_section,
 )
 from drake_tc.report.tables import (
+    Row,
     data_facts,
     data_rows,
     did_not_hold_rows,
@@ -135,28 +136,17 @@ def _text(name: str) -> str:
     return path.read_text(encoding="utf-8")
 
 
-DiffKind = Literal["added", "removed", "kept", "place"]
-
-
-@dataclass(frozen=True)
-class DiffLine:
-    """One line: whether it was added, removed, kept, or only says where we are; and its text without the mark."""
-
-    kind: DiffKind
-    text: str
-
-
-def model_diff(before: str, after: str, context: int = 3) -> Sequence[DiffLine]:
-    """Unified difference of two texts; empty when they are the same.
+def model_diff(before: str, after: str, context: int = 3) -> Sequence[Row]:
+    """Lines of the unified difference of two texts, with what became of them; empty when they are the same.
 
     Args:
         before: Text of the model file before.
         after: The same after.
         context: Unchanged lines to keep around a change.
     """
-    kinds: Mapping[str, DiffKind] = {"@": "place", "+": "added", "-": "removed", " ": "kept"}
+    kinds = {"@": "place", "+": "added", "-": "removed", " ": "kept"}
     names, lines = 2, list(difflib.unified_diff(before.splitlines(), after.splitlines(), n=context, lineterm=""))
-    return [DiffLine(kinds[line[0]], line if line[0] == "@" else line[1:]) for line in lines[names:]]
+    return [{"kind": kinds[line[0]], "text": line if line[0] == "@" else line[1:]} for line in lines[names:]]
 
 
 CODE = re.compile(r"`([^`]+)`")

@@ -37,13 +37,7 @@ def loop_summary(closed: ClosedLoop | None) -> dict[str, Any] | None:
     """`closed_loop`: what the figures of all joints have in common."""
     if closed is None:
         return None
-    return {
-        "plant": closed.plant,
-        "controller": closed.controller,
-        "reference": {"run": closed.run, "start": closed.start, "end": closed.end},
-        "changed": closed.changed,
-        "notes": list(closed.notes),
-    }
+    return _fields(closed, "plant controller changed notes") | {"reference": _fields(closed, "run start end")}
 
 
 def uncertainty_entry(
@@ -97,29 +91,24 @@ def refinement_json(refinement: Refinement | None) -> dict[str, Any] | None:
             "free_run_heldout": refinement.free_run_heldout,
         },
         "parameters": [
-            {
-                "effect": p.key,
-                "parameter": p.name,
-                "unit": p.unit,
-                "equation_error": p.equation_error,
-                "output_error": p.output_error,
-                "at_bound": p.at_bound,
-            }
+            {"effect": p.key, "parameter": p.name} | _fields(p, "unit equation_error output_error at_bound")
             for p in refinement.parameters
         ],
     }
     return dict(json_value(document))
 
 
+def _fields(thing: object, names: str) -> dict[str, Any]:
+    """The attributes that stand under their own names."""
+    return {name: getattr(thing, name) for name in names.split()}
+
+
 def _estimate(e: Estimate) -> dict[str, Any]:
-    return {"value": e.value, "unit": e.unit, "ci95": list(e.ci95), "at_bound": e.at_bound}
+    return _fields(e, "value unit ci95 at_bound")
 
 
 def _run(errors: RunErrors) -> dict[str, Any]:
-    return {
-        "run": errors.run,
-        "heldout": errors.heldout,
-        "rows": errors.rows,
+    return _fields(errors, "run heldout rows") | {
         "before": {"rms": errors.before, "mean_absolute": errors.mean_absolute_before},
         "after": {"rms": errors.after, "mean_absolute": errors.mean_absolute_after},
     }
@@ -163,49 +152,24 @@ def joint_json(joint: JointResult) -> dict[str, Any]:
             "mean_absolute": mean_absolute_errors(joint),
         },
         "effects": [
-            {
-                "id": e.id,
-                "key": e.key,
-                "title": e.title,
+            _fields(e, "id key title heldout_gain stability")
+            | {
                 "parameters": {name: _estimate(p) for name, p in e.parameters.items()},
-                "heldout_gain": e.heldout_gain,
-                "stability": e.stability,
                 "robot_heldout_gain": e.robot_gain,
             }
             for e in joint.effects
         ],
         "rejected": [
-            {
-                "id": r.id,
-                "key": r.key,
-                "heldout_gain": r.heldout_gain,
-                "log_odds": r.log_odds,
-                "reason": r.reason,
-                "why": why_rejected(r),
-            }
-            for r in joint.rejected
+            _fields(r, "id key heldout_gain log_odds reason") | {"why": why_rejected(r)} for r in joint.rejected
         ],
-        "indistinguishable": [list(pair) for pair in joint.indistinguishable],
+        "indistinguishable": joint.indistinguishable,
         "next_experiment": next_experiment(joint),
-        "did_not_hold": [
-            {
-                "id": d.id,
-                "key": d.key,
-                "reason": d.reason,
-                "why": REASONS[d.reason][1],
-            }
-            for d in joint.did_not_hold
-        ],
-        "unexplained": {
-            "floors": left.floors,
-            "floors_anywhere": left.floors_anywhere,
-            "share_of_signal": left.share_of_signal,
-            "fraction": left.fraction,
-            "structured": left.structured,
-            "depends_on": list(left.depends_on),
+        "did_not_hold": [_fields(d, "id key reason") | {"why": REASONS[d.reason][1]} for d in joint.did_not_hold],
+        "unexplained": _fields(
+            left, "floors floors_anywhere share_of_signal fraction structured depends_on period_hz explainable_rms"
+        )
+        | {
             "confined_to": [{"run": s.run, "start": s.start, "end": s.end} for s in left.confined_to],
-            "period_hz": left.period_hz,
-            "explainable_rms": left.explainable_rms,
             "beyond": None if left.beyond is None else asdict(left.beyond),
         },
         "remainder": _remainder(joint),
@@ -231,12 +195,8 @@ def _remainder(joint: JointResult) -> dict[str, Any] | None:
 
 def shared_json(cause: SharedEffect) -> dict[str, Any]:
     """The entry of a cause that no single joint owns."""
-    return {
-        "id": cause.id,
-        "where": cause.where,
+    return _fields(cause, "id where heldout_gain stability") | {
         "parameters": {name: _estimate(p) for name, p in cause.parameters.items()},
-        "heldout_gain": cause.heldout_gain,
-        "stability": cause.stability,
         "joints": dict(cause.joints),
         "indistinguishable": [{"id": name, "where": where} for name, where in cause.indistinguishable],
     }

@@ -8,7 +8,6 @@ import math
 import re
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
 
@@ -24,7 +23,7 @@ from drake_tc.diagnosis.result.models import MODEL_FILE
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult, SharedEffect
 from drake_tc.report.numbers import UNKNOWN, Scale, fold, interval, percent, pretty_unit, scale_for, significant
 from drake_tc.report.plots.svg import AFTER, BEFORE, INK, MUTED, new_figure, page_style, to_svg
-from drake_tc.report.tables import ErrorTable, error_table
+from drake_tc.report.tables import Row, error_table
 from drake_tc.report.words import joined, natural, title_of
 from drake_tc.types import FloatArray
 
@@ -49,12 +48,7 @@ def headings(rows: Sequence[ExportErrors], runner: str) -> tuple[str, ...]:
 def cells(
     rows: Sequence[ExportErrors], units: Mapping[str, JointUnits] = MappingProxyType({})
 ) -> list[tuple[str, ...]]:
-    """Of the table of errors, those of one unit with one prefix.
-
-    Args:
-        rows: One a joint and run.
-        units: By joint, where one slides.
-    """
+    """Of the table of errors, those of one unit with one prefix."""
     errors = [(row.model, row.export, row.original)[: 3 if _has_original(rows) else 2] for row in rows]
     unit_of = [units.get(row.joint, JointUnits()).position for row in rows]
     sizes: dict[str, float] = {}
@@ -88,44 +82,22 @@ ROUNDING = 1e-12
 """Share of the largest end of an interval below which a value of the robot file is rounding."""
 
 
-@dataclass(frozen=True)
-class LinkRow:
-    """One parameter as the template shows it: texts only.
-
-    Attributes:
-        name, declared, value, interval, unit: Of the parameter.
-        left: Share of the declared tolerance that is left; empty where there is none.
-    """
-
-    name: str
-    declared: str
-    value: str
-    interval: str
-    unit: str
-    left: str = ""
-
-
-@dataclass(frozen=True)
-class LinksSection:
-    """Rows by link, of the base parameters and of payloads by run; `summary` is the sentence before them."""
-
-    summary: str
-    links: Sequence[tuple[str, Sequence[LinkRow]]]
-    base: Sequence[LinkRow]
-    payloads: Sequence[tuple[str, Sequence[LinkRow]]]
-
-
-def links_section(links: FittedLinks | None, *, wrong_set_up: bool = False) -> LinksSection | None:
+def links_section(links: FittedLinks | None, *, wrong_set_up: bool = False) -> Row | None:
     """The section; None where the links were not fitted."""
     if links is None:
         return None
-    by_link: dict[str, list[LinkRow]] = {}
+    by_link: dict[str, list[Row]] = {}
     for p in links.parameters:
         row = _row(p.name, _declared(p.declared, p.estimate), p.estimate, percent(p.narrowed))
         by_link.setdefault(p.link, []).append(row)
     base = [_row(p.name, _declared(p.declared, p.estimate), p.estimate) for p in links.base]
     payloads = [(run, [_row(n, "", e) for n, e in parameters.items()]) for run, parameters in links.payloads.items()]
-    return LinksSection(links_sentence(links, wrong_set_up=wrong_set_up), list(by_link.items()), base, payloads)
+    return {
+        "summary": links_sentence(links, wrong_set_up=wrong_set_up),
+        "links": list(by_link.items()),
+        "base": base,
+        "payloads": payloads,
+    }
 
 
 def links_sentence(links: FittedLinks, *, wrong_set_up: bool = False) -> str:
@@ -150,9 +122,11 @@ def payload_sentences(links: FittedLinks) -> Iterable[str]:
         yield f"Payload in {run}: {value} kg, 95 % interval {spread} kg."
 
 
-def _row(name: str, declared: str, estimate: Estimate, left: str = "") -> LinkRow:
+def _row(name: str, declared: str, estimate: Estimate, left: str = "") -> Row:
+    """One parameter; `left` is the share of the declared tolerance that is left."""
     value, spread = interval(estimate.value, *estimate.ci95)
-    return LinkRow(combination(name), declared, value, spread, pretty_unit(estimate.unit), left)
+    texts = (combination(name), declared, value, spread, pretty_unit(estimate.unit), left)
+    return dict(zip(("name", "declared", "value", "interval", "unit", "left"), texts, strict=True))
 
 
 def combination(name: str) -> str:
@@ -192,21 +166,6 @@ WHY_NOT: dict[RefinementStatus, str] = {
 }
 
 
-@dataclass(frozen=True)
-class RefinementSection:
-    """Text of the section.
-
-    Attributes:
-        sentence: What came of it.
-        parameters: (effect, parameter, value of the model after, refined value, unit, at a bound).
-        balance: Sentence on the error of the effort under the refined numbers; "" where it is not known.
-    """
-
-    sentence: str
-    parameters: tuple[tuple[str, str, str, str, str, bool], ...]
-    balance: str
-
-
 def refinement_sentence(refinement: Refinement, units: JointUnits = TURNING) -> str:
     """What came of it, in one to three sentences; errors of whole runs and of stretches of them are never compared."""
     train, left_out = (_change(pair, units) for pair in (refinement.train, refinement.cross_validated))
@@ -230,7 +189,7 @@ def _change(pair: tuple[float, float] | None, units: JointUnits) -> str:
     return f"{refined} instead of {after}"
 
 
-def refinement_section(joint: JointResult) -> RefinementSection | None:
+def refinement_section(joint: JointResult) -> Row | None:
     """The section of one joint; None where no free run was requested."""
     found = joint.refinement
     if found is None:
@@ -246,7 +205,11 @@ def refinement_section(joint: JointResult) -> RefinementSection | None:
         )
         for p in found.parameters
     )
-    return RefinementSection(refinement_sentence(found, joint.units), parameters, _balance(joint, found))
+    return {
+        "sentence": refinement_sentence(found, joint.units),
+        "parameters": parameters,
+        "balance": _balance(joint, found),
+    }
 
 
 def _balance(joint: JointResult, found: Refinement) -> str:
@@ -274,27 +237,13 @@ LATE_ENCODER = "the delay of the encoder's readings; the diagnosis compensates i
 LEAST_GAIN = 0.01
 
 
-@dataclass(frozen=True)
-class SharedCard:
-    """One cause as the template shows it: texts only, and the width of each joint's bar [%]."""
-
-    id: str
-    title: str
-    where: str
-    meaning: str
-    gain: str
-    stability: str
-    parameters: Sequence[tuple[str, str, str, str]]
-    joints: Sequence[tuple[str, str, float, ErrorTable]]
-    indistinguishable: str
-
-
-def shared_section(result: CloseLoopResult) -> Sequence[SharedCard]:
+def shared_section(result: CloseLoopResult) -> Sequence[Row]:
     """A card for each shared cause; none when there is none."""
     return [_card(cause, result) for cause in result.shared]
 
 
-def _card(cause: SharedEffect, result: CloseLoopResult) -> SharedCard:
+def _card(cause: SharedEffect, result: CloseLoopResult) -> Row:
+    """Texts, and the width of each joint's bar [%]."""
     parameters = []
     for name, value in cause.parameters.items():
         shown, spread = interval(value.value, *value.ci95)
@@ -303,17 +252,17 @@ def _card(cause: SharedEffect, result: CloseLoopResult) -> SharedCard:
         (name, percent(gain) if gain > LEAST_GAIN else significant(0.0), 100.0 * max(gain, 0.0), error_table(joint))
         for name, gain, joint in ((j.joint, cause.joints.get(j.joint, 0.0), j) for j in result.joints.values())
     ]
-    return SharedCard(
-        id=cause.id,
-        title=cause.title,
-        where=cause.where,
-        meaning=LATE_ENCODER if cause.id == "delay" and cause.where in result.joints else MEANING[cause.id],
-        gain=percent(cause.heldout_gain),
-        stability=percent(cause.stability),
-        parameters=parameters,
-        joints=joints,
-        indistinguishable=joined([f"{title_of(name)} ({where})" for name, where in cause.indistinguishable]),
-    )
+    return {
+        "id": cause.id,
+        "title": cause.title,
+        "where": cause.where,
+        "meaning": LATE_ENCODER if cause.id == "delay" and cause.where in result.joints else MEANING[cause.id],
+        "gain": percent(cause.heldout_gain),
+        "stability": percent(cause.stability),
+        "parameters": parameters,
+        "joints": joints,
+        "indistinguishable": joined([f"{title_of(name)} ({where})" for name, where in cause.indistinguishable]),
+    }
 
 
 SIZE = (4.4, 2.5)

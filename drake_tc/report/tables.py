@@ -4,8 +4,8 @@ Each run's own estimate of a parameter is a small plot beside that of all runs.
 """
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -28,35 +28,11 @@ from drake_tc.report.numbers import (
 )
 from drake_tc.report.words import REASONS, natural, title_of, why_rejected
 
-
-@dataclass(frozen=True)
-class ErrorRow:
-    """One error before and after: in effort (or position), in torque, how many times smaller, and bar lengths [%]."""
-
-    name: str
-    before: str
-    after: str
-    torque_before: str
-    torque_after: str
-    fold: str
-    bar_before: float
-    bar_after: float
+Row = Mapping[str, Any]
+"""What a template shows of one row, or of one table, by name: texts, marks, and lengths of bars [%]."""
 
 
-@dataclass(frozen=True)
-class ErrorTable:
-    """Rows, and the two levels beside which they are read; `load` is what the effort becomes by the drive gain."""
-
-    rows: Sequence[ErrorRow]
-    floor: str
-    floor_torque: str
-    explainable: str
-    explainable_torque: str
-    gain: str
-    load: str
-
-
-def error_table(joint: JointResult) -> ErrorTable:
+def error_table(joint: JointResult) -> Row:
     """RMS of the model equation on training and held-out runs and of the free run's position, before and after.
 
     Effort becomes torque by the final drive gain, on both sides, so that ratios agree.
@@ -78,89 +54,56 @@ def error_table(joint: JointResult) -> ErrorTable:
         position = scale_for(of_free, joint.units.position)
         rows.append(_error_row(("free run, held-out", b, a), position, None, gain, of_free))
     explainable = joint.unexplained.explainable_rms
-    return ErrorTable(
-        rows=rows,
-        floor=scale.quantity(joint.noise_floor),
-        floor_torque=torque.quantity(joint.noise_floor / gain),
-        explainable=scale.quantity(explainable),
-        explainable_torque=torque.quantity(explainable / gain),
-        gain=f"{significant(gain, 4)} {joint.units.text(f'{pretty_unit(joint.unit)}/(N·m)')}",
-        load="force" if joint.units.slides else "torque",
-    )
+    return {
+        "rows": rows,
+        "floor": scale.quantity(joint.noise_floor),
+        "floor_torque": torque.quantity(joint.noise_floor / gain),
+        "explainable": scale.quantity(explainable),
+        "explainable_torque": torque.quantity(explainable / gain),
+        "gain": f"{significant(gain, 4)} {joint.units.text(f'{pretty_unit(joint.unit)}/(N·m)')}",
+        "load": "force" if joint.units.slides else "torque",
+    }
 
 
 def _error_row(
     errors: tuple[str, float, float], scale: Scale, torque: Scale | None, gain: float, largest: float
-) -> ErrorRow:
+) -> Row:
     """Name, error before and error after."""
     name, before, after = errors
 
     def bar(value: float) -> float:
         return 100.0 * min(value / largest, 1.0) if largest > 0.0 and np.isfinite(value) else 0.0
 
-    return ErrorRow(
-        name=name,
-        before=scale.quantity(before),
-        after=scale.quantity(after),
-        torque_before=torque.quantity(before / gain) if torque else UNKNOWN,
-        torque_after=torque.quantity(after / gain) if torque else UNKNOWN,
-        fold=fold(before, after),
-        bar_before=round(bar(before), 2),
-        bar_after=round(bar(after), 2),
-    )
+    return {
+        "name": name,
+        "before": scale.quantity(before),
+        "after": scale.quantity(after),
+        "torque_before": torque.quantity(before / gain) if torque else UNKNOWN,
+        "torque_after": torque.quantity(after / gain) if torque else UNKNOWN,
+        "fold": fold(before, after),
+        "bar_before": round(bar(before), 2),
+        "bar_after": round(bar(after), 2),
+    }
 
 
-@dataclass(frozen=True)
-class RunErrorRow:
-    """Errors of one run."""
-
-    run: str
-    role: str
-    before: str
-    after: str
-    absolute_before: str
-    absolute_after: str
-    floors: str
-
-
-def run_error_rows(joint: JointResult) -> Sequence[RunErrorRow]:
+def run_error_rows(joint: JointResult) -> Sequence[Row]:
     """One row a run, training runs first, each group in the order of the names (run2 before run10)."""
     scale = scale_for(max((r.before for r in joint.runs), default=0.0), joint.unit)
     return [
-        RunErrorRow(
-            run=r.run,
-            role="held-out" if r.heldout else "training",
-            before=scale.quantity(r.before),
-            after=scale.quantity(r.after),
-            absolute_before=scale.quantity(r.mean_absolute_before),
-            absolute_after=scale.quantity(r.mean_absolute_after),
-            floors=significant(r.after / joint.noise_floor, 2) if joint.noise_floor > 0.0 else UNKNOWN,
-        )
+        {
+            "run": r.run,
+            "role": "held-out" if r.heldout else "training",
+            "before": scale.quantity(r.before),
+            "after": scale.quantity(r.after),
+            "absolute_before": scale.quantity(r.mean_absolute_before),
+            "absolute_after": scale.quantity(r.mean_absolute_after),
+            "floors": significant(r.after / joint.noise_floor, 2) if joint.noise_floor > 0.0 else UNKNOWN,
+        }
         for r in sorted(joint.runs, key=lambda r: (r.heldout, natural(r.run)))
     ]
 
 
-@dataclass(frozen=True)
-class ParameterRow:
-    """One parameter: value and 95 % interval in the baseline and in the final model, and marks.
-
-    `possible` is the physically possible range as text and `source` says why; `outside` marks a final value beyond it.
-    `runs` is the plot of each run's own estimate, as SVG. They are empty where there is none.
-    """
-
-    effect: str
-    name: str
-    unit: str
-    before: tuple[str, str]
-    after: tuple[str, str]
-    added: bool
-    at_bound: bool
-    possible: str
-    source: str
-    outside: bool
-
-
-def parameter_rows(joint: JointResult) -> Sequence[ParameterRow]:
+def parameter_rows(joint: JointResult) -> Sequence[Row]:
     """Parameters of both models, the drive's first, then the declared effects, then those that were added."""
     before, after = joint.baseline_parameters, joint.final_parameters
     rows = []
@@ -170,18 +113,18 @@ def parameter_rows(joint: JointResult) -> Sequence[ParameterRow]:
             known = [e for e in (old.get(name), new.get(name)) if e is not None]
             limits = joint.plausible.get(key, {}).get(name)
             rows.append(
-                ParameterRow(
-                    effect="drive" if key == "drive" else title_of(key),
-                    name=name.replace("_", " "),
-                    unit=pretty_unit(known[0].unit),
-                    before=_estimate(old.get(name)),
-                    after=_estimate(new.get(name)),
-                    added=key not in before,
-                    at_bound=any(e.at_bound for e in known),
-                    possible="" if limits is None else _range(limits),
-                    source="" if limits is None else limits.source,
-                    outside=limits is not None and name in new and not limits.holds(new[name].value),
-                )
+                {
+                    "effect": "drive" if key == "drive" else title_of(key),
+                    "name": name.replace("_", " "),
+                    "unit": pretty_unit(known[0].unit),
+                    "before": _estimate(old.get(name)),
+                    "after": _estimate(new.get(name)),
+                    "added": key not in before,
+                    "at_bound": any(e.at_bound for e in known),
+                    "possible": "" if limits is None else _range(limits),
+                    "source": "" if limits is None else limits.source,
+                    "outside": limits is not None and name in new and not limits.holds(new[name].value),
+                }
             )
     return rows
 
@@ -201,20 +144,7 @@ def _estimate(value: Estimate | None) -> tuple[str, str]:
     return shown, spread if value.is_identified else NOT_IDENTIFIED
 
 
-@dataclass(frozen=True)
-class DataRow:
-    """What was used of one run."""
-
-    run: str
-    role: str
-    duration: str
-    rows: str
-    moving: str
-    speed: str
-    load: str
-
-
-def data_rows(split: DataSplit, role: str) -> Sequence[DataRow]:
+def data_rows(split: DataSplit, role: str) -> Sequence[Row]:
     """One row a run in the order of the names: duration, rows, share of samples in resolved motion, spans."""
     samples = split.samples
     signals = samples.signals
@@ -229,15 +159,15 @@ def data_rows(split: DataSplit, role: str) -> Sequence[DataRow]:
     for k in sorted(range(len(samples.runs)), key=lambda k: natural(samples.runs[k])):
         mine, rows = samples.run_of_sample == k, rows_of[k]
         out.append(
-            DataRow(
-                run=samples.runs[k],
-                role=role,
-                duration=f"{significant(float(mine.sum()) * signals.period)} s",
-                rows=f"{rows.size}",
-                moving=percent(float(np.mean(samples.moving[mine])) if mine.any() else None),
-                speed=of_speed.quantity(speeds[k]),
-                load=of_load.quantity(loads[k]),
-            )
+            {
+                "run": samples.runs[k],
+                "role": role,
+                "duration": f"{significant(float(mine.sum()) * signals.period)} s",
+                "rows": f"{rows.size}",
+                "moving": percent(float(np.mean(samples.moving[mine])) if mine.any() else None),
+                "speed": of_speed.quantity(speeds[k]),
+                "load": of_load.quantity(loads[k]),
+            }
         )
     return out
 
@@ -277,56 +207,24 @@ def data_facts(joint: JointResult) -> Sequence[tuple[str, str]]:
     )
 
 
-@dataclass(frozen=True)
-class RejectedRow:
-    """One effect that was not added."""
-
-    title: str
-    id: str
-    heldout: str
-    why: str
-
-
-def rejected_rows(rejected: Sequence[RejectedEffect]) -> tuple[Sequence[RejectedRow], Sequence[RejectedRow]]:
+def rejected_rows(rejected: Sequence[RejectedEffect]) -> tuple[Sequence[Row], Sequence[Row]]:
     """(tried and not added, could not be looked for in these logs)."""
-    tried: list[RejectedRow] = []
-    barred: list[RejectedRow] = []
+    tried: list[Row] = []
+    barred: list[Row] = []
     for r in rejected:
-        row = RejectedRow(title_of(r.key), r.id, percent(r.heldout_gain), why_rejected(r))
+        row = {"title": title_of(r.key), "id": r.id, "heldout": percent(r.heldout_gain), "why": why_rejected(r)}
         (barred if r.obstacle else tried).append(row)
     return tried, barred
 
 
-@dataclass(frozen=True)
-class DidNotHoldRow:
-    """One effect that was chosen and did not hold."""
-
-    title: str
-    id: str
-    reason: str
-    why: str
-
-
-def did_not_hold_rows(effects: Sequence[DidNotHold]) -> Sequence[DidNotHoldRow]:
+def did_not_hold_rows(effects: Sequence[DidNotHold]) -> Sequence[Row]:
     """One row an effect, with the reason in a few words and in a sentence."""
-    return [DidNotHoldRow(e.title, e.id, *REASONS[e.reason]) for e in effects]
+    said = ((e, *REASONS[e.reason]) for e in effects)
+    return [{"title": e.title, "id": e.id, "reason": reason, "why": why} for e, reason, why in said]
 
 
-@dataclass(frozen=True)
-class FreeRunTable:
-    """Text of the table.
-
-    Attributes:
-        models: Those of `MODELS` that were simulated.
-        rows: (run, "training" or "held-out", RMS position errors, mean absolute position errors), both by model.
-    """
-
-    models: tuple[str, ...]
-    rows: tuple[tuple[str, str, tuple[str, ...], tuple[str, ...]], ...]
-
-
-def free_run_table(joint: JointResult) -> FreeRunTable:
-    """The table of one joint; no rows where no free run was made."""
+def free_run_table(joint: JointResult) -> Row:
+    """RMS and mean absolute position errors of each run by model; no rows where no free run was made."""
     traces = joint.free_run
     models = tuple(name for name in MODELS if any(name in trace for trace in traces.values()))
     held = set(joint.heldout.samples.runs)
@@ -338,4 +236,4 @@ def free_run_table(joint: JointResult) -> FreeRunTable:
     for run in runs:
         rms, absolute = (tuple("–" if e is None else scale.quantity(e[which]) for e in errors[run]) for which in (0, 1))
         rows.append((run, "held-out" if run in held else "training", rms, absolute))
-    return FreeRunTable(models, tuple(rows))
+    return {"models": models, "rows": rows}

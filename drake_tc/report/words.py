@@ -6,12 +6,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from drake_tc.config.joint_units import JointUnits
-from drake_tc.diagnosis.priors import ALTERNATIVE, NAMED_FLOORS
+from drake_tc.diagnosis.priors import ALTERNATIVE, LEAST_FRACTION, MOST_GROWTH, NAMED_FLOORS
 from drake_tc.diagnosis.residual.unexplained import BeyondTraining, Unexplained, Verdict
 from drake_tc.diagnosis.result.joint_result import JointResult, RejectedEffect, Withdrawal
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult
 from drake_tc.diagnosis.shared.causes import TITLES
-from drake_tc.diagnosis.thresholds import LEAST_FRACTION, MOST_GROWTH
 from drake_tc.effects.library import all_effects
 from drake_tc.effects.torque_sensor_bias import TorqueSensorBias
 from drake_tc.report.numbers import percent, scale_for, significant, times

@@ -72,8 +72,8 @@ def test_the_plot_over_time_has_a_line_for_the_refined_model(joint: JointResult)
 
 def test_models_that_were_not_simulated_have_no_column(joint: JointResult) -> None:
     table = free_run_table(joint)
-    assert "refined" not in table.models
-    ((run, role, rms, absolute),) = free_run_table(refined(joint)).rows
+    assert "refined" not in table["models"]
+    ((run, role, rms, absolute),) = free_run_table(refined(joint))["rows"]
     assert (run, role, rms[-1], absolute[-1]) == ("fast", "held-out", "2.24\u00a0mrad", "2.00\u00a0mrad")
 
 

@@ -41,12 +41,12 @@ def test_the_table_marks_what_lies_outside(joint: JointResult) -> None:
             "stribeck_exponent": PlausibleRange(0.5, float("inf"), "x"),
         }
     }
-    rows = {(r.effect, r.name): r for r in parameter_rows(replace(joint, plausible=narrow))}
+    rows = {(r["effect"], r["name"]): r for r in parameter_rows(replace(joint, plausible=narrow))}
     row = rows["Stribeck friction", "stribeck"]
-    assert (row.possible, row.source, row.outside) == ("0 to 1.00", "a law", True)
-    assert rows["Stribeck friction", "stribeck exponent"].possible == "0.500 or more"
-    assert rows["viscous friction", "viscous"].possible == ""
-    assert not rows["viscous friction", "viscous"].outside
+    assert (row["possible"], row["source"], row["outside"]) == ("0 to 1.00", "a law", True)
+    assert rows["Stribeck friction", "stribeck exponent"]["possible"] == "0.500 or more"
+    assert rows["viscous friction", "viscous"]["possible"] == ""
+    assert not rows["viscous friction", "viscous"]["outside"]
 
 
 def test_a_parameter_that_acts_as_the_others_do_is_called_not_identified(joint: JointResult, capsys, tmp_path) -> None:
@@ -56,8 +56,8 @@ def test_a_parameter_that_acts_as_the_others_do_is_called_not_identified(joint: 
     free["stribeck"]["stribeck_velocity"] = velocity
     effects = tuple(replace(e, parameters=free[e.id]) for e in joint.effects)
     unknown = replace(joint, final_parameters=free, effects=effects)
-    row = next(r for r in parameter_rows(unknown) if r.name == "stribeck velocity")
-    assert row.after == (interval(velocity.value, *velocity.ci95)[0], "not identified")
+    row = next(r for r in parameter_rows(unknown) if r["name"] == "stribeck velocity")
+    assert row["after"] == (interval(velocity.value, *velocity.ci95)[0], "not identified")
     result = CloseLoopResult({"knee": unknown}, "effects_found", 1.0, (), (), "rig.yaml")
     assert result_json(result)["joints"]["knee"]["effects"]  # type: ignore[index]
     print_summary(result, tmp_path)

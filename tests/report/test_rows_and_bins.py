@@ -132,8 +132,8 @@ def test_a_drive_effects_share_is_what_leaving_its_transform_out_costs(joint: Jo
 def test_the_difference_can_be_applied() -> None:
     before, after = "a\nb\nc\nd\n", "a\nx\nc\nd\ne\n"
     lines = model_diff(before, after, context=10)
-    assert [x.text for x in lines if x.kind in ("kept", "added")] == after.split()
-    assert [x.text for x in lines if x.kind in ("kept", "removed")] == before.split()
+    assert [x["text"] for x in lines if x["kind"] in ("kept", "added")] == after.split()
+    assert [x["text"] for x in lines if x["kind"] in ("kept", "removed")] == before.split()
     assert model_diff(before, before) == []
 
 

@@ -38,11 +38,7 @@ End = tuple[str, int]
 
 
 def _with_inner_stages(graph: GraphData, inner: Mapping[str, Sequence[InnerStage]]) -> "BlockGraph":
-    """The graph with the systems at some paths opened into their inner stages.
-
-    Raises:
-        ParamsError: A stage reads what there is not, or a port of the system belongs to no stage.
-    """
+    """The graph with the systems at some paths opened into their inner stages."""
     own = {block.path: block for block in graph.blocks}
     opened = {path: _Inside(own[path], stages) for path, stages in inner.items()}
     blocks: list[Block] = []

@@ -12,11 +12,11 @@ from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from drake_tc.diagnosis.data.noise_colour import spectral_density
 from drake_tc.diagnosis.data.samples import Samples
+from drake_tc.diagnosis.priors import LEAST_LINE
 from drake_tc.diagnosis.problem.columns import BalanceCoefficients
 from drake_tc.diagnosis.residual.over_time import spectral_line
 from drake_tc.diagnosis.residual.unexplained import DataSplit
 from drake_tc.diagnosis.result.joint_result import JointResult
-from drake_tc.diagnosis.thresholds import LEAST_LINE
 from drake_tc.report.numbers import percent, pretty_unit, scale_for, significant
 from drake_tc.report.plots.rows import LABELS, extreme_samples
 from drake_tc.report.plots.svg import AFTER, BEFORE, INK, MUTED, SHADE, new_figure, page_style, to_svg

@@ -17,7 +17,7 @@ from drake_tc.actuation.model_file import load_models
 from drake_tc.cli.close_loop_command import write_results
 from drake_tc.diagnosis.diagnose import diagnose_joint
 from drake_tc.diagnosis.options import DiagnosisOptions
-from drake_tc.diagnosis.refinement.stage import equation_errors, refine_joint
+from drake_tc.diagnosis.refinement import equation_errors, refine_joint
 from drake_tc.diagnosis.result.errors import with_free_runs
 from drake_tc.diagnosis.result.joint_result import JointResult, Refinement, named_values
 from drake_tc.diagnosis.result.models import model_of
@@ -90,7 +90,7 @@ def test_the_held_out_free_run_follows_and_every_output_has_it(
     }
     section = refinement_section(whole)
     assert section is not None
-    assert "model_refined.yaml follows the recorded position more closely" in section.sentence
+    assert "model_refined.yaml follows the recorded position more closely" in section["sentence"]
     assert whole.verdict == result.verdict  # the verdict is that of the equation error
 
 
