@@ -55,9 +55,6 @@ class Bind(Protocol):
     def __call__(self, arrays: Arrays) -> tuple[Call | Sequence[Call] | None, Call | Sequence[Call] | None]:
         """Return the functions of one stage in one Context.
 
-        Args:
-            arrays: What the functions read and write.
-
         Returns:
             First the function, or several in their order, that computes `out` from the inputs in `ArrayStage.reads` and
             `before`. Second the one that computes `after` (the update); all inputs and `out` have the values of the

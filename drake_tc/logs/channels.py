@@ -242,9 +242,6 @@ def at_common_period(runs: Sequence[Run]) -> tuple[Run, ...]:
 
     Between samples the channels are interpolated linearly, segment by segment: a low-pass of a few of the longest
     periods, which every later step applies, does not see the difference.
-
-    Args:
-        runs: Uniform inside their segments.
     """
     if not runs:
         return ()

@@ -219,11 +219,7 @@ def seconds_of_dates(series: pd.Series) -> FloatArray:
 
 
 def _numeric(table: pd.DataFrame, name: str, canonical: str, path: Path) -> FloatArray:
-    """One column as floats; infinities, and numbers beyond `LARGEST`, count as missing.
-
-    Raises:
-        LogError: An entry that is not a number: names its row and line.
-    """
+    """One column as floats; infinities, and numbers beyond `LARGEST`, count as missing."""
     series = table[name]
     if pd.api.types.is_complex_dtype(series):
         raise LogError(f"{path}: column {name!r} ({canonical}) holds complex numbers; expected real ones")
@@ -353,11 +349,7 @@ def _stated_in_file(canonical: str, name: str, table: pd.DataFrame) -> tuple[str
 
 
 def _unit_of_file(canonical: str, name: str, table: pd.DataFrame, path: Path) -> str:
-    """The SI unit that the file states for a column of which the rig file states none; empty if it states none.
-
-    Raises:
-        LogError: It states another one: names the column and the unit.
-    """
+    """The SI unit that the file states for a column of which the rig file states none; empty if it states none."""
     in_name, below, unit = _stated_in_file(canonical, name, table)
     by = str(table.attrs.get("units_by", LINE_BELOW))
     told = None if name == canonical else meaning(name)

@@ -58,9 +58,6 @@ def _require_one_joint(runs: Sequence[Run], rig: Rig) -> None:
     thirds make a range; runs in which the load torque's share of the effort is not clear are not compared. Friction
     may change between runs, but under a measured load it does not drive the joint in one and brake it in another:
     columns are exchanged then.
-
-    Raises:
-        LogError: names the two runs that are farthest apart.
     """
     for joint in rig.joints:
         found = [(run, sign_evidence(run, rig, joint)) for run in runs]
@@ -111,11 +108,7 @@ def _with_positions(raw: RawLog) -> RawLog:
 
 
 def _require_alike(runs: Sequence[Run]) -> None:
-    """Refuse runs of which some have a position and others the velocity alone.
-
-    Raises:
-        LogError: Names one run of each kind.
-    """
+    """Refuse runs of which some have a position and others the velocity alone."""
     without = {joint for run in runs for joint in run.speed_only}
     for run in runs:
         for joint in sorted(without - set(run.speed_only)):
@@ -131,11 +124,7 @@ FOLLOWS = 0.7
 
 
 def _require_live(raw: RawLog, rig: Rig) -> tuple[str, ...]:
-    """Refuse a log in which no joint moves, or no moving joint's torque changes; note single joints of that kind.
-
-    Raises:
-        LogError: names the column and its value.
-    """
+    """Refuse a log in which no joint moves, or no moving joint's torque changes; note single joints of that kind."""
     positions = {joint: raw.columns[f"{joint}/position"] for joint in rig.joints}
     resting = [joint for joint, values in positions.items() if _constant(values)]
     if len(resting) == len(positions):
@@ -161,11 +150,7 @@ def _require_live(raw: RawLog, rig: Rig) -> tuple[str, ...]:
 
 
 def _require_commands(raw: RawLog, rig: Rig) -> tuple[str, ...]:
-    """Refuse a log in which no command changes and no servo is moved from its goal; note joints that rest.
-
-    Raises:
-        LogError: The command of every joint is constant.
-    """
+    """Refuse a log in which no command changes and no servo is moved from its goal; note joints that rest."""
     names = {joint: rig.command_column(joint) for joint in rig.joints}
     resting = [joint for joint, name in names.items() if _constant(raw.columns[name])]
     if len(resting) == len(names) and not any(_moved_from_goal(raw, rig, joint) for joint in resting):

@@ -44,11 +44,7 @@ class Triangles:
     colour: Colour | None = None
 
     def shape(self, name: str) -> Mesh:
-        """For Drake.
-
-        Args:
-            name: For messages.
-        """
+        """For Drake."""
         lines = [f"v {x:.6g} {y:.6g} {z:.6g}" for x, y, z in self.vertices.tolist()]
         lines += [f"f {a} {b} {c}" for a, b, c in (self.faces + 1).tolist()]
         return Mesh(InMemoryMesh(mesh_file=MemoryFile("\n".join(lines), ".obj", name)), 1.0)

@@ -162,14 +162,7 @@ def _followers(given: Mapping[str, float], joints: tuple[str, ...], tree: UrdfTr
 
 
 def _unused(urdf: Path, tree: UrdfTree, driven: Sequence[str], followers: Sequence[str]) -> tuple[str, ...]:
-    """What the URDF says of joints and is not used, one sentence for joints of which it says the same.
-
-    Args:
-        urdf: The file.
-        tree: What it holds.
-        driven: Joints of the robot file.
-        followers: Joints that follow them.
-    """
+    """What the URDF says of joints and is not used, one sentence for joints of which it says the same."""
     try:
         read = urdf_joints(tree.root, robot=True)
     except ValueError as problem:

@@ -414,11 +414,7 @@ def read_urdf(path: Path, splits: Iterable[LinkSplit] = ()) -> UrdfTree:
 
 
 def _root(path: Path) -> ET.Element:
-    """The element `robot` of a file.
-
-    Raises:
-        ParamsError: the file cannot be read, or is no URDF.
-    """
+    """The element `robot` of a file."""
     try:
         with path.open("rb") as file:
             content = file.read(LARGEST + 1)

@@ -313,11 +313,7 @@ def rows_in_order(time: FloatArray, path: Path) -> tuple[BoolArray, tuple[str, .
 
 
 def _refuse_constant(time: FloatArray, same: BoolArray, path: Path) -> None:
-    """Refuse times (T,) of which too few differ from the one before.
-
-    Raises:
-        LogError: names the column and how often it changes.
-    """
+    """Refuse times (T,) of which too few differ from the one before."""
     changes = int((~same[1:]).sum())
     if changes + 1 < MIN_ROWS <= time.size:
         what = f"changes in {changes} of {time.size} rows only" if changes else f"is constant ({time[0]:.9g} s)"
@@ -328,11 +324,7 @@ def _refuse_constant(time: FloatArray, same: BoolArray, path: Path) -> None:
 
 
 def _period(steps: FloatArray, path: Path, unit: float) -> float:
-    """Sampling period [s]: the median step, refined by a line through all so that rounded stamps do not bias it.
-
-    Raises:
-        LogError: A period that no servo logs at, which means that the unit is not seconds.
-    """
+    """Sampling period [s]: the median step, refined by a line through all so that rounded stamps do not bias it."""
     median = float(np.median(steps))
     if not SHORTEST_PERIOD <= median <= LONGEST_PERIOD:
         fits = [name for name, each in TIME.items() if SHORTEST_PERIOD <= median / unit * each <= LONGEST_PERIOD]
@@ -508,9 +500,6 @@ PERIODS = ("dt", "period", "timestep", "ts")
 
 def stated_period(numbers: Mapping[str, float]) -> float | None:
     """The period [s] that single numbers of a file state; None where there is none, or two that differ.
-
-    Args:
-        numbers: By name.
 
     Example:
         >>> stated_period({"config/action_hz": 50.0, "mass": 0.5})

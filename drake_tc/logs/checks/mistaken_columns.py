@@ -198,9 +198,6 @@ def _require_friction(runs: Sequence[Run], rig: Rig) -> None:
     """Refuse a current's or voltage's run in which the load is right and all that the position makes is turned.
 
     The position has the wrong sign then, or effort and torque are exchanged, which gives another model.
-
-    Raises:
-        LogError: names file, column and both ways out.
     """
     for joint in (joint for joint in rig.joints if rig.drive[joint] != "position_servo"):
         for run in runs:

@@ -61,11 +61,7 @@ def is_cut(path: Path) -> bool:
 
 
 def _whole_part(path: Path, to: Path) -> Path:
-    """Write what is whole in a bag's file that is cut to the file `to`.
-
-    Raises:
-        OSError, sqlite3.Error: nothing can be read or written.
-    """
+    """Write what is whole in a bag's file that is cut to the file `to`."""
     return _of_mcap(path, to) if path.suffix.lower() == ".mcap" else _of_sqlite(path, to)
 
 
@@ -225,11 +221,7 @@ def read_bag(path: Path, needed: Collection[str] = ()) -> pd.DataFrame:
 
 
 def _read_streams(path: Path) -> tuple[dict[tuple[str, tuple[str, ...]], Stream], dict[str, str]]:
-    """By topic and sorted columns, the rows of every message type that is known; and topics without a definition.
-
-    Raises:
-        LogError: as `read_bag`.
-    """
+    """By topic and sorted columns, the rows of every message type that is known; and topics without a definition."""
     found: dict[tuple[str, tuple[str, ...]], Stream] = {}
     with _opened(path) as reader:
         readers = {

@@ -337,11 +337,7 @@ def joined(streams: Sequence[Stream], path: Path, needed: Collection[str] = ()) 
 
 
 def _main(choice: _Taken, needed: Collection[str], path: Path) -> _Timed:
-    """The stream whose rows are those of the table.
-
-    Raises:
-        LogError: none has positions of joints.
-    """
+    """The stream whose rows are those of the table."""
     known = set(needed)
     measured = [s for s in choice.streams if s.kind in (Kind.measured, Kind.feedback)]
     states = [s for s in measured if any(name.endswith("/position") for name in s.names)]

@@ -117,11 +117,7 @@ def _not_used(runs: Sequence[Mapping[str, Any]]) -> str:
 
 
 def _columns(path: Path, run: dict[str, Any]) -> dict[str, np.ndarray]:
-    """Canonical columns of one run; the voltage only where the load register was read.
-
-    Raises:
-        LogError: An entry lacks a key, or holds something else than a number.
-    """
+    """Canonical columns of one run; the voltage only where the load register was read."""
     entries = run["entries"]
     for number, entry in enumerate(entries, start=1):
         odd = next((key for key in entries[0] if not _is_number(entry.get(key))), None)

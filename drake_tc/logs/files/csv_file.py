@@ -71,11 +71,7 @@ def _cells_of(line: str) -> list[str]:
 
 
 def _check_encoding(path: Path, beginning: bytes) -> None:
-    """Refuse UTF-16 and UTF-32, in which every second byte of plain text is zero and which spreadsheets offer.
-
-    Raises:
-        LogError: The text is not one of UTF-8.
-    """
+    """Refuse UTF-16 and UTF-32, in which every second byte of plain text is zero and which spreadsheets offer."""
     if beginning.startswith((b"\xff\xfe", b"\xfe\xff")) or b"\x00" in beginning:
         raise LogError(f"{path}: expected text in UTF-8, got UTF-16, UTF-32 or binary data; save it as CSV in UTF-8")
 
@@ -111,11 +107,7 @@ def _stated_units(rows: Sequence[Sequence[str]]) -> dict[str, str]:
 
 
 def _check_header_is_first(path: Path, opened: Callable[[], IO[bytes]]) -> None:
-    """Refuse lines of text above the names: a first line of one cell where lines below have several.
-
-    Raises:
-        LogError: names the first line that has as many cells as any.
-    """
+    """Refuse lines of text above the names: a first line of one cell where lines below have several."""
     with opened() as file:
         lines = [_decoded(file.readline(LONGEST_LINE)) for _ in range(LINES_ABOVE)]
     widths = [max(line.count(mark) for mark in SEPARATORS) + 1 for line in lines]
@@ -130,11 +122,7 @@ def _check_header_is_first(path: Path, opened: Callable[[], IO[bytes]]) -> None:
 
 
 def _check_separator(path: Path, rows: Sequence[Sequence[str]]) -> None:
-    """Refuse cells between blanks, as `numpy.savetxt` writes them: names may have blanks too.
-
-    Raises:
-        LogError: Names and numbers are each one cell, with as many words as numbers.
-    """
+    """Refuse cells between blanks, as `numpy.savetxt` writes them: names may have blanks too."""
     words = [row[0].split() for row in rows[:2] if len(row) == 1]
     if len(words) == 2 and len(words[0]) == len(words[1]) > 1 and all(map(_is_number, words[1])):
         raise LogError(
@@ -144,11 +132,7 @@ def _check_separator(path: Path, rows: Sequence[Sequence[str]]) -> None:
 
 
 def _check_names_are_words(path: Path, names: Sequence[str]) -> None:
-    """Refuse a first line of numbers alone: a file without a header.
-
-    Raises:
-        LogError: Every filled cell of the first line is a number.
-    """
+    """Refuse a first line of numbers alone: a file without a header."""
     filled = [name for name in names if name]
     if filled and all(map(_is_number, filled)):
         raise LogError(
@@ -424,9 +408,6 @@ def _header(path: Path, opened: Opener, separator: str) -> tuple[list[str], dict
     """The names of the columns, and the units that a line below states.
 
     Refused are a header of numbers, and one with a name that stands twice, which pandas would rename in silence.
-
-    Raises:
-        LogError: names the column, or the number.
     """
     _check_header_is_first(path, opened)
     with opened() as file:
@@ -453,9 +434,6 @@ def _check_cells(path: Path, opened: Opener, separator: str, width: int) -> None
     """Refuse single rows with more cells than the others and than the header has names; empty cells do not count.
 
     Where every row has a cell more than the header, the last column has no name, and is not read.
-
-    Raises:
-        LogError: names the line.
     """
     lengths: Counter[int] = Counter()
     first: dict[int, int] = {}

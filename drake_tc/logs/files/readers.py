@@ -199,11 +199,7 @@ def _units_beside(single: Mapping[str, object], columns: Sequence[str]) -> dict[
 
 
 def _table(path: Path, columns: Mapping[str, np.ndarray]) -> pd.DataFrame:
-    """A table of columns that must be of one length; the odd ones out are named, and texts among them left out.
-
-    Raises:
-        LogError: Columns of different lengths.
-    """
+    """A table of columns that must be of one length; the odd ones out are named, and texts among them left out."""
     if not columns:
         return pd.DataFrame()
     lengths = {name: int(column.shape[0]) for name, column in columns.items()}
@@ -334,9 +330,6 @@ def _refused(path: Path, suffix: str) -> Iterator[None]:
     """Whatever the reader of a format says against a file, as one line.
 
     Parsers raise errors of any kind for a damaged file; none of them is a defect of what called them.
-
-    Raises:
-        LogError: the file cannot be read.
     """
     try:
         yield
