@@ -61,7 +61,7 @@ def read_yaml(path: Path, kind: str = "YAML file", error: type[DrakeTcError] = P
     try:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError as found:
-        raise error(f"{path}: expected a {kind} in UTF-8; byte {found.start} is not") from None
+        raise error(f"{path}: expected a {kind} in UTF-8; byte {found.start} is not, as in a binary file") from None
     return parse_yaml(text, str(path), error)
 
 

@@ -64,7 +64,8 @@ def _known_effect(name: str) -> str:
         )
     known = (*EFFECT_IDS, *EFFECTS.names())
     if name not in known:
-        raise ValueError(f"unknown effect {quoted(name)}{did_you_mean(name, known) or f'; known: {', '.join(known)}'}")
+        possible = did_you_mean(name, known) or f"; known: {', '.join(known)}"
+        raise ValueError(f"unknown effect {quoted(name)}{possible}")
     return name
 
 
