@@ -140,7 +140,7 @@ def test_a_declared_file_whose_name_no_file_can_have(invoke, bench, tmp_path):
     assert "a\\x00.urdf: no such file; expected a URDF" in line
 
 
-@pytest.mark.parametrize("gain", ["1e12", "1e-20"])
+@pytest.mark.parametrize("gain", ["1e12", pytest.param("1e-20", marks=pytest.mark.slow)])
 def test_a_drive_gain_beside_which_no_effect_has_a_size(invoke, bench, tmp_path, monkeypatch, gain):
     experiments_fit(monkeypatch)
     rig = tmp_path / "rig.yaml"
@@ -148,5 +148,6 @@ def test_a_drive_gain_beside_which_no_effect_has_a_size(invoke, bench, tmp_path,
     document.pop("proportional_gain", None)
     rig.write_text(yaml.safe_dump({**document, "drive_gain": float(gain)}))
     log = tmp_path / "run.parquet"
-    pd.read_parquet(bench.logs[1]).iloc[-1000:].to_parquet(log, index=False)
-    assert invoke("check", "--rig", rig, "--log", log, "--json").code == 0
+    pd.read_parquet(bench.logs[1]).iloc[-750:].to_parquet(log, index=False)
+    done = invoke("check", "--rig", rig, "--log", log, "--json")
+    assert (done.code, done.err) == (0, "") and json.loads(done.out)["name"] == "check"

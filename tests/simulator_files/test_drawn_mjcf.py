@@ -11,7 +11,6 @@ from drake_tc.simulator_files.read import read_joints
 from .drawn_mjcf import drawn_mjcf
 
 FILES = 60
-TWO_LIMITS = ("its actuator", "the damping of")
 
 
 def expected_torque(joint, gear, position, velocity, command):
