@@ -162,8 +162,7 @@ def close_loop_command(options: CloseLoopOptions) -> None:
         from drake_tc.diagnosis.options import DiagnosisOptions
         from drake_tc.diagnosis.run import close_loop
         from drake_tc.loops.joint_bench import rig_free_run
-        from drake_tc.report.report_json import result_json
-        from drake_tc.report.residual_bag import FILE, require_rosbags, save_residuals
+        from drake_tc.report.data_files import FILE, require_rosbags, result_json, save_residuals
 
         files = _demo(out / "demo_logs", seed, options.force, progress) if given is None else given
         if to is not None:
@@ -300,8 +299,8 @@ def write_results(
     from drake_tc.control.torque_uncertainty_file import save_torque_uncertainty
     from drake_tc.diagnosis.result.models import models_of
     from drake_tc.diagnosis.result.torque_uncertainty import torque_uncertainty
+    from drake_tc.report.data_files import result_json
     from drake_tc.report.html import write_report
-    from drake_tc.report.report_json import result_json
 
     out.mkdir(parents=True, exist_ok=True)
     before, after = models_of(result, out, home)

@@ -11,7 +11,7 @@ from drake_tc.diagnosis.run import close_loop
 from drake_tc.diagnosis.search import Progress
 from drake_tc.errors import DrakeTcError
 from drake_tc.joint_simulator.spec import BlindError, RigSpec
-from drake_tc.report.report_json import result_json
+from drake_tc.report.data_files import result_json
 from tests.benchmarks.blind.catalogue import Scale, catalogue
 from tests.benchmarks.blind.generate import generate
 from tests.benchmarks.blind.outcome import read_outcome

@@ -29,7 +29,7 @@ from drake_tc.effects.library import effect
 from drake_tc.estimation.robot_loads import robot_logs
 from drake_tc.logs.prepare import in_order, load_runs
 from drake_tc.logs.rig import load_rig
-from drake_tc.report.report_json import result_json
+from drake_tc.report.data_files import result_json
 from drake_tc.types import FloatArray
 from tests.benchmarks.figures import BenchmarkRow
 from tests.benchmarks.flexible_fits import LINEAR, log_rows

@@ -9,7 +9,7 @@ from typing import Any
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.run import close_loop
 from drake_tc.errors import DrakeTcError, IdentificationError, ParamsError
-from drake_tc.report.report_json import result_json
+from drake_tc.report.data_files import result_json
 from tests.benchmarks.figures import BenchmarkRow
 from tests.benchmarks.real_log_cases import (
     CaseFiles,

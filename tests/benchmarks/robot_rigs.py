@@ -17,7 +17,7 @@ from drake_tc.diagnosis.run import close_loop
 from drake_tc.diagnosis.search import Progress
 from drake_tc.diagnosis.shared.causes import TITLES
 from drake_tc.errors import DrakeTcError
-from drake_tc.report.report_json import result_json
+from drake_tc.report.data_files import result_json
 from tests.benchmarks.figures import BenchmarkRow
 from tests.benchmarks.interval_coverage import final_parameters, friction_intervals, own_intervals
 

@@ -11,7 +11,7 @@ import yaml
 
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.run import close_loop
-from drake_tc.report.report_json import result_json
+from drake_tc.report.data_files import result_json
 
 from .rigs import Joint, record
 

@@ -9,7 +9,7 @@ import pytest
 
 from drake_tc.diagnosis.run import close_loop
 from drake_tc.joint_simulator.spec import RUNS, RigSpec
-from drake_tc.report.report_json import result_json
+from drake_tc.report.data_files import result_json
 from tests.benchmarks.blind.catalogue import catalogue, caused_rig
 from tests.benchmarks.blind.generate import generate
 from tests.benchmarks.blind.nulls import null_rig

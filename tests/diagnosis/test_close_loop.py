@@ -17,7 +17,7 @@ from drake_tc.diagnosis.result.rig_result import CloseLoopResult
 from drake_tc.diagnosis.run import close_loop
 from drake_tc.effects.library import effect
 from drake_tc.errors import DrakeTcError, IdentificationError
-from drake_tc.report.report_json import result_json
+from drake_tc.report.data_files import result_json
 
 from .rigs import Joint, record, rig_of, servo
 

@@ -19,7 +19,7 @@ from drake_tc.diagnosis.run import close_loop
 from drake_tc.effects.library import effect
 from drake_tc.logs.rig import Rig, parse_rig
 from drake_tc.loops.joint_bench import rig_free_run
-from drake_tc.report.report_json import joint_json
+from drake_tc.report.data_files import joint_json
 
 from . import pendulum_rig
 from .log_files import write_logs

@@ -15,7 +15,7 @@ from drake_tc.experiments.design.known import joint_from_logs
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.rig import load_rig
 from drake_tc.report.html import render
-from drake_tc.report.report_json import result_json
+from drake_tc.report.data_files import result_json
 
 GAIN, COULOMB, VISCOUS, CARRIAGE, SCREW = 1 / 95.0, 25.0, 60.0, 12.0, 18.0
 """[A/N], [N], [N s/m], mass before the force sensor and reflected mass of rotor and screw [kg]."""

@@ -22,7 +22,7 @@ from drake_tc.errors import IdentificationError
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.rig import Rig, load_rig, save_rig
 from drake_tc.loops.joint_bench import rig_free_run
-from drake_tc.report.report_json import joint_json
+from drake_tc.report.data_files import joint_json
 from tests.benchmarks.importers import dfki, tmotor, uart_backlash
 
 from . import pendulum_rig

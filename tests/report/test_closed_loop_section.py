@@ -10,8 +10,8 @@ from drake_tc.cli.close_loop_command import print_summary
 from drake_tc.control.torque_uncertainty_file import TorqueUncertainty
 from drake_tc.diagnosis.result.applications import ClosedLoop, JointClosedLoop, LoopFigures
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult
+from drake_tc.report.data_files import loop_entry, result_json
 from drake_tc.report.html import render
-from drake_tc.report.report_json import loop_entry, result_json
 from drake_tc.report.sections import closed_loop_section
 
 from .test_html import Page

@@ -12,10 +12,10 @@ from drake_tc.diagnosis.notes import FreeRunDiverges, NoFreeRun
 from drake_tc.diagnosis.result.errors import with_free_runs
 from drake_tc.diagnosis.result.joint_result import JointResult, RefinedParameter, Refinement
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult
+from drake_tc.report.data_files import free_runs_json, refinement_json
 from drake_tc.report.html import render
 from drake_tc.report.notes import note_sentence, warnings
 from drake_tc.report.plots.time_plots import position_plot
-from drake_tc.report.report_json import free_runs_json, refinement_json
 from drake_tc.report.sections import WHY_NOT, refinement_section, refinement_sentence
 from drake_tc.report.tables import free_run_table
 

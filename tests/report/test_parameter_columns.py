@@ -10,8 +10,8 @@ from drake_tc.diagnosis.problem.parameters import PlausibleRange, plausible_rang
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult
 from drake_tc.effects.base import Context
+from drake_tc.report.data_files import result_json
 from drake_tc.report.numbers import interval
-from drake_tc.report.report_json import result_json
 from drake_tc.report.tables import parameter_rows
 
 RIG = Context("current", "torque", frozenset(), max_speed=2.0, effort_span=(-3.0, 4.0), torque_span=(-10.0, 8.0))

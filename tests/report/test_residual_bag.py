@@ -5,7 +5,7 @@ import pytest
 
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult
 from drake_tc.errors import LogError
-from drake_tc.report.residual_bag import FIELDS, require_rosbags, save_residuals
+from drake_tc.report.data_files import FIELDS, require_rosbags, save_residuals
 
 rosbags = pytest.importorskip("rosbags.highlevel")
 
@@ -85,6 +85,6 @@ def test_names_that_ros_does_not_take_are_changed_and_stay_apart(joint, tmp_path
 
 
 def test_a_missing_package_is_said_in_one_line(monkeypatch):
-    monkeypatch.setattr("drake_tc.report.residual_bag.find_spec", lambda name: None)
+    monkeypatch.setattr("drake_tc.report.data_files.find_spec", lambda name: None)
     with pytest.raises(LogError, match=r"needs the package rosbags: pip install 'drake-tc\[bags\]'"):
         require_rosbags()

@@ -9,9 +9,9 @@ from drake_tc.diagnosis.problem.parameters import Estimate
 from drake_tc.diagnosis.result.applications import ExportErrors, ExportTrial
 from drake_tc.diagnosis.result.links import BaseParameter, FittedLinks, LinkEstimate
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult, SharedEffect
+from drake_tc.report.data_files import result_json
 from drake_tc.report.html import render
 from drake_tc.report.numbers import percent
-from drake_tc.report.report_json import result_json
 from drake_tc.report.sections import (
     cells,
     combination,

@@ -38,9 +38,9 @@ from drake_tc.diagnosis.residual.unexplained import (
 )
 from drake_tc.diagnosis.result.joint_result import DidNotHold
 from drake_tc.effects.library import LIBRARY, MULTI_JOINT, effect
+from drake_tc.report.data_files import joint_json
 from drake_tc.report.html import render
 from drake_tc.report.notes import ISOLATES, ISOLATES_PRISMATIC, experiment_sentence, note_sentence, note_sentences
-from drake_tc.report.report_json import joint_json
 from drake_tc.report.words import REASONS, why_rejected
 
 EXPERIMENTS = [

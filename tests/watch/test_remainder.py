@@ -18,7 +18,7 @@ from drake_tc.diagnosis.result.models import models_of
 from drake_tc.diagnosis.run import close_loop
 from drake_tc.effects.base import plain_signals
 from drake_tc.errors import ParamsError
-from drake_tc.report.report_json import joint_json
+from drake_tc.report.data_files import joint_json
 from drake_tc.report.words import remainder_sentence
 from tests.watch.conftest import LENGTH
 

@@ -51,7 +51,7 @@ def _one(folder: Path, seed: int, diagnose: Diagnose, number: int) -> None:
 def close_loop_on(rig: Path, reports: Path) -> None:
     """Write the library's report, and in it the intervals of the final model's parameters under `final_parameters`."""
     from drake_tc.diagnosis.run import close_loop
-    from drake_tc.report.report_json import result_json
+    from drake_tc.report.data_files import result_json
 
     logs = sorted(rig.glob("run_*.csv"))
     holdout = [path for path in logs if path.name.startswith("run_held_")]

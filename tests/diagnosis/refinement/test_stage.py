@@ -26,7 +26,7 @@ from drake_tc.diagnosis.run import close_loop
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import save_rig
 from drake_tc.loops.joint_bench import rig_free_run
-from drake_tc.report.report_json import joint_json
+from drake_tc.report.data_files import joint_json
 from drake_tc.report.sections import refinement_section, refinement_sentence
 
 from ..stick_slip import JOINT, Servo, rig_of, runs_of

@@ -20,7 +20,7 @@ from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.rig import load_rig
 from drake_tc.report.html import render
 from drake_tc.report.notes import set_up_sentences
-from drake_tc.report.report_json import result_json
+from drake_tc.report.data_files import result_json
 from drake_tc.robot.robot import load_robot
 
 TILT = np.radians(35.0)
