@@ -64,7 +64,9 @@ FAULTS = {
         "density[0] - density - _improbable",
         ("diagnosis",),
     ),
-    "smallest-seen": Fault("diagnosis/left.py", "2.0 * SEEN * scored", "0.02 * SEEN * scored", ("diagnosis",)),
+    "smallest-seen": Fault(
+        "diagnosis/residual/verdict.py", "2.0 * SEEN * scored", "0.02 * SEEN * scored", ("diagnosis",)
+    ),
     "stribeck": Fault("effects/stribeck.py", "2.0 * n.friction", "2e-3 * n.friction", ("effects", "diagnosis")),
     "change": Fault("watch/changes.py", "sum((np.outer(f, f)", "sum((0.0 * np.outer(f, f)", ("watch",)),
     "alarm": Fault(

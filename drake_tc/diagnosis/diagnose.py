@@ -14,7 +14,6 @@ from drake_tc.diagnosis.data.samples import rms
 from drake_tc.diagnosis.evidence import Evidence, Scored
 from drake_tc.diagnosis.held_out import confirmed, timing_holds
 from drake_tc.diagnosis.intervals import correlated_parameters, friction_spread, of_runs, parameters_of
-from drake_tc.diagnosis.left import visible_share
 from drake_tc.diagnosis.linear import Prior
 from drake_tc.diagnosis.model import JointModel
 from drake_tc.diagnosis.options import DiagnosisOptions
@@ -33,7 +32,7 @@ from drake_tc.diagnosis.problem.prepared import Prepared, errors_in_joint_units,
 from drake_tc.diagnosis.problem.regression import Fit, fit, noise_floor
 from drake_tc.diagnosis.residual.over_time import shared_band
 from drake_tc.diagnosis.residual.unexplained import DataSplit, next_experiment
-from drake_tc.diagnosis.residual.verdict import verdict_of, what_is_left
+from drake_tc.diagnosis.residual.verdict import verdict_of, visible_share, what_is_left
 from drake_tc.diagnosis.result.errors import run_errors, without_rows
 from drake_tc.diagnosis.result.joint_result import (
     DidNotHold,

@@ -14,7 +14,7 @@ from drake_tc.diagnosis.diagnose import diagnose_joint
 from drake_tc.diagnosis.notes import LoadInAllRuns
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.problem.prepared import without_errors
-from drake_tc.diagnosis.refinement.stage import refine_joint
+from drake_tc.diagnosis.refinement import refine_joint
 from drake_tc.diagnosis.residual.remainder import remainder_of
 from drake_tc.diagnosis.residual.unexplained import SEVERITY, Verdict
 from drake_tc.diagnosis.result.errors import FreeRun, with_free_runs

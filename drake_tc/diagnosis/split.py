@@ -10,8 +10,7 @@ import numpy as np
 
 from drake_tc.diagnosis.data.preparation import slower
 from drake_tc.diagnosis.data.samples import Samples, rms
-from drake_tc.diagnosis.latent import filtered, latent_shares
-from drake_tc.diagnosis.noise import INDEPENDENT, Rows, drawn_noise
+from drake_tc.diagnosis.noise import INDEPENDENT, Rows, drawn_noise, filtered, latent_shares
 from drake_tc.diagnosis.priors import PASSED_ON, SLOW
 from drake_tc.diagnosis.problem.columns import Columns, Term, coefficients_by_term, drives
 from drake_tc.effects.base import DriveEffect, SensorEffect, Signals

@@ -22,7 +22,7 @@ from drake_tc.diagnosis.data.samples import rms
 from drake_tc.diagnosis.model import JointModel
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.problem.columns import Columns
-from drake_tc.diagnosis.refinement.stage import equation_residuals
+from drake_tc.diagnosis.refinement import equation_residuals
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.models import REFERENCE, reference_of
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult, SharedEffect

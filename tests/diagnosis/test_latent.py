@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from drake_tc.diagnosis.data.preparation import build_samples
-from drake_tc.diagnosis.latent import filtered, latent_shares
+from drake_tc.diagnosis.noise import filtered, latent_shares
 from drake_tc.diagnosis.problem.columns import Columns, Term
 from drake_tc.diagnosis.split import with_needed
 from drake_tc.effects.library import effect

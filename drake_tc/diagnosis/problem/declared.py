@@ -16,9 +16,9 @@ from drake_tc.config.quoted import did_you_mean
 from drake_tc.diagnosis.data.channels import HELD
 from drake_tc.diagnosis.data.preparation import context_of, load_scale
 from drake_tc.diagnosis.data.samples import Samples
+from drake_tc.diagnosis.priors import CERTAINLY_BETTER, HELD_CERTAIN, HELD_FROM_PERIOD, SAME_ERROR
 from drake_tc.diagnosis.problem.columns import Columns, Term
 from drake_tc.diagnosis.problem.regression import Fit, fit
-from drake_tc.diagnosis.thresholds import CERTAINLY_BETTER, HELD_CERTAIN, HELD_FROM_PERIOD, SAME_ERROR
 from drake_tc.effects.base import Context, Effect, SensorEffect, TorqueEffect
 from drake_tc.effects.library import all_effects, effect
 from drake_tc.errors import IdentificationError, RigError

@@ -27,9 +27,9 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from drake_tc.diagnosis.data.samples import rms
+from drake_tc.diagnosis.priors import CLEARLY_WORSE, LEAST_UNEXPLAINED, LOAD_EXPLAINS, NO_STIFFNESS
 from drake_tc.diagnosis.problem.columns import Columns, Term
 from drake_tc.diagnosis.problem.regression import Fit, fit
-from drake_tc.diagnosis.thresholds import CLEARLY_WORSE, LEAST_UNEXPLAINED, LOAD_EXPLAINS, NO_STIFFNESS
 from drake_tc.effects.base import EFFORT_UNIT, DriveKind
 from drake_tc.effects.context import LoadKind
 from drake_tc.effects.servo_integrator import ServoIntegrator

@@ -16,6 +16,7 @@ import numpy as np
 from drake_tc.diagnosis.data.channels import HELD
 from drake_tc.diagnosis.data.preparation import build_samples, context_of, load_scale
 from drake_tc.diagnosis.data.samples import Samples, SensorPrior
+from drake_tc.diagnosis.priors import MAX_CONDITION
 from drake_tc.diagnosis.problem.columns import Columns, Term, coefficients_by_term
 from drake_tc.diagnosis.problem.declared import (
     command_is_held,
@@ -32,7 +33,6 @@ from drake_tc.diagnosis.problem.unknown_load import (
     with_fitted_load,
     with_torque_span,
 )
-from drake_tc.diagnosis.thresholds import MAX_CONDITION
 from drake_tc.effects.base import Context, plain_signals
 from drake_tc.effects.library import effect
 from drake_tc.effects.within_tolerance import WithinTolerance, within_tolerance

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from drake_tc.diagnosis.data.samples import rms
+from drake_tc.diagnosis.priors import LEAST_EFFORT
 from drake_tc.diagnosis.problem.columns import BalanceCoefficients, Columns, Term, drives, prior_coefficients
-from drake_tc.diagnosis.thresholds import LEAST_EFFORT
 from drake_tc.effects.current_lag import CurrentLag
 from drake_tc.effects.servo_gain import ServoGain
 from drake_tc.effects.within_tolerance import WithinTolerance

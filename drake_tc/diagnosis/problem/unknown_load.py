@@ -14,9 +14,9 @@ import numpy as np
 
 from drake_tc.diagnosis.data.preparation import load_scale, slower
 from drake_tc.diagnosis.data.samples import Samples
+from drake_tc.diagnosis.priors import CLEARLY_WORSE, LEAST_UNEXPLAINED, MAX_CONDITION
 from drake_tc.diagnosis.problem.columns import Columns, Term, coefficients_by_term
 from drake_tc.diagnosis.problem.regression import Fit, bounds_of, solve_bounded
-from drake_tc.diagnosis.thresholds import CLEARLY_WORSE, LEAST_UNEXPLAINED, MAX_CONDITION
 from drake_tc.effects.base import Context
 from drake_tc.effects.unknown_load import CURVE_LOADS, PENDULUM, SLIDER, SMOOTH_LOADS, UnknownLoadEffect
 from drake_tc.errors import IdentificationError

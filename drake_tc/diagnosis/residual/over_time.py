@@ -15,8 +15,8 @@ rows, at reversals, let some of the power above the limit leak below it: the err
 import numpy as np
 
 from drake_tc.diagnosis.data.noise_colour import spectral_density
+from drake_tc.diagnosis.priors import LONGEST_CORRELATION, LOUD_ENERGY, LOUD_SHARE
 from drake_tc.diagnosis.residual.unexplained import DataSplit, SharedBand, TimeStretch
-from drake_tc.diagnosis.thresholds import LONGEST_CORRELATION, LOUD_ENERGY, LOUD_SHARE
 from drake_tc.identification.autocorrelation import correlation_time
 from drake_tc.types import FloatArray, IntArray
 

@@ -18,10 +18,7 @@ from threadpoolctl import threadpool_limits
 
 from drake_tc.diagnosis.data.samples import Samples, rms
 from drake_tc.diagnosis.data.sliding import LEAST_ROWS
-from drake_tc.diagnosis.problem.columns import BalanceCoefficients
-from drake_tc.diagnosis.residual.over_time import loud_stretches, slow_share, spectral_line
-from drake_tc.diagnosis.residual.unexplained import DataSplit, Unexplained
-from drake_tc.diagnosis.thresholds import (
+from drake_tc.diagnosis.priors import (
     LEAST_BURST,
     LEAST_FLOORS,
     LEAST_FRACTION,
@@ -35,6 +32,9 @@ from drake_tc.diagnosis.thresholds import (
     MOST_FLOORS,
     MOST_GROWTH,
 )
+from drake_tc.diagnosis.problem.columns import BalanceCoefficients
+from drake_tc.diagnosis.residual.over_time import loud_stretches, slow_share, spectral_line
+from drake_tc.diagnosis.residual.unexplained import DataSplit, Unexplained
 from drake_tc.filtering.common_kernel import CommonKernel
 from drake_tc.identification.autocorrelation import correlation_time
 from drake_tc.types import BoolArray, FloatArray, IntArray

@@ -14,6 +14,7 @@ import numpy as np
 
 from drake_tc.diagnosis.data.noise_colour import correlated_noise
 from drake_tc.diagnosis.data.samples import rms
+from drake_tc.diagnosis.evidence import Evidence, Scored
 from drake_tc.diagnosis.notes import (
     CorrelatedTorqueNoise,
     NoiseNote,
@@ -22,9 +23,16 @@ from drake_tc.diagnosis.notes import (
     ScatteringTimes,
 )
 from drake_tc.diagnosis.options import DiagnosisOptions
+from drake_tc.diagnosis.priors import (
+    CORRELATED_NOISE_NOTED,
+    LEAST_BEYOND,
+    LEAST_OF_BEFORE,
+    MOST_FLOORS,
+    NAMED_FLOORS,
+    SEEN,
+)
 from drake_tc.diagnosis.problem.columns import BalanceCoefficients
 from drake_tc.diagnosis.problem.regression import Fit
-from drake_tc.diagnosis.residual.equal_noise import with_equal_noise
 from drake_tc.diagnosis.residual.structure import (
     FEATURES,
     assess_residual,
@@ -33,8 +41,7 @@ from drake_tc.diagnosis.residual.structure import (
     is_excess,
     worst_rms,
 )
-from drake_tc.diagnosis.residual.unexplained import BeyondTraining, DataSplit, Unexplained, Verdict
-from drake_tc.diagnosis.thresholds import CORRELATED_NOISE_NOTED, LEAST_BEYOND, LEAST_OF_BEFORE, MOST_FLOORS
+from drake_tc.diagnosis.residual.unexplained import BeyondTraining, DataSplit, Unexplained, Verdict, with_equal_noise
 from drake_tc.effects.base import Context, DriveKind, Effect, TransmissionEffect
 from drake_tc.types import FloatArray
 
@@ -160,3 +167,19 @@ def beyond_training(
             unit = held.samples.units.on(drive).effort if name == EFFORT else ""
             found.append((beyond.mean() - share, BeyondTraining(name, tuple(runs), trained, reached, share, unit)))
     return min(found, key=lambda each: each[0])[1] if found else None
+
+
+def visible_share(evidence: Evidence, scored: Scored, floor: float) -> float:
+    """Smallest RMS effort error that the rows could have shown, over the RMS of the effort.
+
+    A term x with coefficient c raises the log likelihood by c^2 |x|^2/(2 s^2), |x| that of the whitened
+    column beside the others. `SEEN` of it, for a column as loud after the whitening as the effort itself, or half a
+    noise floor.
+    """
+    model = evidence.model
+    rows = model.train.rows
+    effort = model.train.recorded.effort(())
+    white = rows.whitened(effort[:, None], evidence.noise)[0]
+    share = rms(white) / max(rms(effort[rows.index]), 1e-300)
+    least = np.sqrt(2.0 * SEEN * scored.posterior.variance / max(white.shape[0], 1)) / max(share, 1e-300)
+    return float(max(least, NAMED_FLOORS * floor) / model.scale)

@@ -1,8 +1,8 @@
 """What is told of a robot: its joints, the causes that no single joint owns, and the links that were fitted."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -18,14 +18,39 @@ from drake_tc.diagnosis.result.links import SEEN, FittedLinks, LinkPosterior, bo
 from drake_tc.diagnosis.result.rig_result import SetUpCheck, SharedEffect
 from drake_tc.diagnosis.robot.causes import NAMES, Causes, Named
 from drake_tc.diagnosis.robot.joints import RobotFit, RobotJoint
-from drake_tc.diagnosis.robot.result import RobotResult
 from drake_tc.diagnosis.robot.runs import ALL_JOINTS
 from drake_tc.diagnosis.shared.causes import Cause
 from drake_tc.estimation.robot_loads import RobotLogs
 from drake_tc.logs.loads import RobotLoad
+from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
 from drake_tc.robot.rigid_regressor import LinkModel
 from drake_tc.types import FloatArray
+
+
+@dataclass(frozen=True)
+class RobotResult:
+    """What was found on a robot.
+
+    Attributes:
+        joints: By name; errors and models "before" are those of loads without the sensors' errors within tolerance.
+        shared: Causes that no single joint owns, by held-out gain.
+        held: Held-out runs with the loads of the model before.
+        held_after: The same without the shared causes. train_after: training runs without them.
+        robot_gains: (joint, effect key) to the effect's held-out gain of the whole robot, which compares with
+            `SharedEffect.heldout_gain`.
+        links: The links' parameters where they were fitted.
+        set_up: Of a robot with a fixed base, where the declared model leaves much of an effort.
+    """
+
+    joints: Mapping[str, JointResult]
+    shared: tuple[SharedEffect, ...]
+    held: Sequence[Run] = field(default=())
+    held_after: Sequence[Run] = field(default=())
+    train_after: Sequence[Run] = field(default=())
+    robot_gains: Mapping[tuple[str, str], float] = field(default_factory=dict)
+    links: FittedLinks | None = None
+    set_up: SetUpCheck | None = None
 
 
 def robot_result(

@@ -16,20 +16,17 @@ import numpy as np
 
 from drake_tc.diagnosis.data.samples import rms
 from drake_tc.diagnosis.options import DiagnosisOptions
-from drake_tc.diagnosis.priors import FALLS, NAMED_FLOORS
+from drake_tc.diagnosis.priors import FALLS, HELD_FROM_PERIOD, NAMED_FLOORS
 from drake_tc.diagnosis.result.rig_result import SetUpCheck, is_wrong
-from drake_tc.diagnosis.robot.causes import Causes, Named, most_probable
-from drake_tc.diagnosis.robot.encoders import in_time, with_encoders
+from drake_tc.diagnosis.robot.causes import Causes, Named, in_time, most_probable, with_encoders
 from drake_tc.diagnosis.robot.joints import RobotFit, RobotJoint, Shared, declared_fit, searched_fit, tempered
-from drake_tc.diagnosis.robot.result import RobotResult
 from drake_tc.diagnosis.robot.runs import ALL_JOINTS, RobotRuns
-from drake_tc.diagnosis.robot.told import robot_result
+from drake_tc.diagnosis.robot.told import RobotResult, robot_result
 from drake_tc.diagnosis.search import Progress
 from drake_tc.diagnosis.set_up.search import check_set_up
 from drake_tc.diagnosis.shared.causes import Cause
 from drake_tc.diagnosis.shared.columns_of_runs import columns_over
 from drake_tc.diagnosis.shared.timing import momenta_over
-from drake_tc.diagnosis.thresholds import HELD_FROM_PERIOD
 from drake_tc.estimation.robot_loads import RobotLogs, motor_turns, with_robot_loads
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drake_tc.diagnosis.refinement.trials import BUDGET, longest_piece, trials_of, windows
+from drake_tc.diagnosis.refinement import BUDGET, longest_piece, trials_of, windows
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import parse_rig
 

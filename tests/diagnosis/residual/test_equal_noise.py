@@ -8,9 +8,8 @@ import pytest
 from drake_tc.diagnosis.data.clocks import TimingScatter
 from drake_tc.diagnosis.problem.columns import Columns
 from drake_tc.diagnosis.problem.regression import noise_floor
-from drake_tc.diagnosis.residual.equal_noise import with_equal_noise
 from drake_tc.diagnosis.residual.over_time import loud_stretches
-from drake_tc.diagnosis.residual.unexplained import DataSplit, Unexplained
+from drake_tc.diagnosis.residual.unexplained import DataSplit, Unexplained, with_equal_noise
 
 from ..rigs import Joint, Problem, problem
 

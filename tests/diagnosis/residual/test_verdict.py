@@ -59,7 +59,10 @@ def splits(columns: tuple[Columns, Columns], train: float, held: float) -> tuple
     return made[0], made[1]
 
 
-@pytest.mark.parametrize(("train", "held", "excess"), [(2.9, 2.9, False), (3.1, 2.9, True), (2.9, 3.1, True)])
+@pytest.mark.parametrize(
+    ("train", "held", "excess"),
+    [pytest.param(2.9, 2.9, False, marks=pytest.mark.slow), (3.1, 2.9, True), (2.9, 3.1, True)],
+)
 def test_white_residuals_are_judged_by_their_floors_on_both_splits(columns, train, held, excess):
     chosen = fit(columns[0], DECLARED)
     context = replace(context_of(columns[0].samples, rig_of(JOINT), "joint"), load="pendulum")
@@ -72,7 +75,7 @@ def test_white_residuals_are_judged_by_their_floors_on_both_splits(columns, trai
     assert_allclose(left.share_of_signal, held / np.sqrt(np.mean(effort**2)), rtol=1e-9)
 
 
-@pytest.mark.parametrize(("loud", "excess"), [(1.0, False), (4.5, True)])
+@pytest.mark.parametrize(("loud", "excess"), [pytest.param(1.0, False, marks=pytest.mark.slow), (4.5, True)])
 def test_quiet_held_out_runs_do_not_excuse_a_loud_one(columns, loud, excess):
     """Five held-out runs at one floor, one of them perhaps at 4.5: 2.2 floors all together."""
     rig, train = rig_of(JOINT), columns[0]
