@@ -4,6 +4,7 @@ from drake_tc.control.gains import TorqueGains as TorqueGains
 from drake_tc.control.guard import CommandGuard as CommandGuard
 from drake_tc.control.guard import GuardSpec as GuardSpec
 from drake_tc.control.inverse_dynamics import InverseDynamics as InverseDynamics
+from drake_tc.control.inverse_dynamics import MotionSources as MotionSources
 from drake_tc.control.reference_source import ReferenceSource as ReferenceSource
 from drake_tc.control.references import PointToPoint as PointToPoint
 from drake_tc.control.references import Slerp as Slerp

@@ -3,22 +3,21 @@
 Source: Del Prete et al., 2016, eq. 10 to 14.
 """
 
-from typing import Any, Literal, NamedTuple, get_args
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, LeafSystem, NumericParameterIndex, ValueProducer
 
 from drake_tc.array_stage import Arrays, ArrayStage, PortMethods, places
+from drake_tc.config.records import check_choices
 from drake_tc.control.dynamics_terms import BaseRotation, DynamicsTerms, FloatingTerms
 from drake_tc.control.gains import TorqueGains
 from drake_tc.errors import ParamsError
 from drake_tc.kernels.calls import MOTION, Kernel, KernelCall
 from drake_tc.robot.robot import Robot
 from drake_tc.types import Call, FloatArray
-
-Source = Literal["estimate", "reference"]
-PositionSource = Literal["estimate", "encoder"]
 
 _MOTION_TORQUE = Kernel("joint_torque", "motion_torque")
 TERMS = ("feedforward", "position", "velocity", "force", "acceleration_error", "force_error")
@@ -45,6 +44,31 @@ class _Given(NamedTuple):
     base: tuple[FloatArray, ...]
     position: FloatArray
     gains: FloatArray
+
+
+@dataclass(frozen=True)
+class MotionSources:
+    """Where the inverse dynamics takes the robot's motion from.
+
+    Attributes:
+        configuration: q and v at which M, h and J are taken.
+        position_error: q in e.
+        angular_acceleration: Of a base that floats: the derivative of its "gyro", or "neglected".
+
+    Raises:
+        ParamsError: another source than these.
+
+    Example:
+        >>> MotionSources(position_error="encoder").configuration
+        'estimate'
+    """
+
+    configuration: Literal["estimate", "reference"] = "estimate"
+    position_error: Literal["estimate", "encoder"] = "estimate"
+    angular_acceleration: BaseRotation = "gyro"
+
+    def __post_init__(self) -> None:
+        check_choices(self)
 
 
 class InverseDynamics(PortMethods, LeafSystem):
@@ -87,10 +111,8 @@ class InverseDynamics(PortMethods, LeafSystem):
         self,
         robot: Robot,
         gains: TorqueGains,
+        sources: MotionSources | None = None,
         *,
-        configuration: Source = "estimate",
-        position_error: PositionSource = "estimate",
-        angular_acceleration: BaseRotation = "gyro",
         force_task: bool = True,
     ) -> None:
         """Declare ports and build the model.
@@ -98,23 +120,19 @@ class InverseDynamics(PortMethods, LeafSystem):
         Args:
             robot: Welded, or floating with an IMU.
             gains: Ks, Kd, Kf to start from; Kf (6k, 6k), or (0, 0) for none.
-            configuration: Where M, h and J are taken.
-            position_error: Where q in e comes from.
-            angular_acceleration: Of a base that floats: from the "gyro", or "neglected".
+            sources: Where the motion comes from; None: from the estimate.
             force_task: Whether a contact force is desired or fed back; False leaves out the two ports, f_d = e_f = 0.
 
         Raises:
-            ParamsError: a floating base without IMU, gains of another size, or an unknown key.
+            ParamsError: a floating base without IMU, or gains of another size.
         """
         super().__init__()
-        _one_of("configuration", configuration, get_args(Source))
-        _one_of("position_error", position_error, get_args(PositionSource))
-        _one_of("angular_acceleration", angular_acceleration, get_args(BaseRotation))
-        model = DynamicsTerms(robot) if robot.fixed_base else FloatingTerms(robot, angular_acceleration)
+        sources = MotionSources() if sources is None else sources
+        model = DynamicsTerms(robot) if robot.fixed_base else FloatingTerms(robot, sources.angular_acceleration)
         self._model: Any = model
         n, m = model.size, model.wrenches
         self._size, self._wrenches, self._force_task = n, m, force_task
-        self._at_reference = configuration == "reference"
+        self._at_reference = sources.configuration == "reference"
         self._first_gains = self._flat(gains)
         start: Any = self._first_gains
         self._gains = int(self.DeclareNumericParameter(BasicVector(start)))
@@ -122,7 +140,9 @@ class InverseDynamics(PortMethods, LeafSystem):
         self._reference: Any = self.DeclareVectorInputPort("reference", 3 * n)
         wrenches = (("force_reference", m), ("contact_wrench", m)) if force_task else ()
         self._forces: tuple[Any, ...] = tuple(self.DeclareVectorInputPort(*port) for port in wrenches)
-        self._position: Any = self.DeclareVectorInputPort("position", n) if position_error == "encoder" else None
+        self._position: Any = (
+            self.DeclareVectorInputPort("position", n) if sources.position_error == "encoder" else None
+        )
         base = (("imu_estimate", 12), ("base_joint_estimate", 3 * n))
         self._base: Any = () if robot.fixed_base else tuple(self.DeclareVectorInputPort(*port) for port in base)
         tickets = {port.ticket() for port in self._ports()}
@@ -278,8 +298,3 @@ class InverseDynamics(PortMethods, LeafSystem):
         """The first argument of the kernel `motion_torque`."""
         place = given.reference if self._at_reference else given.estimate
         return (given.estimate, given.reference, given.position, others, given.gains, place)
-
-
-def _one_of(key: str, value: str, possible: tuple[str, ...]) -> None:
-    if value not in possible:
-        raise ParamsError(f"{key}: expected one of {', '.join(possible)}, got {value!r}")

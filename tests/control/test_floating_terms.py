@@ -7,7 +7,7 @@ from pydrake.multibody.tree import JacobianWrtVariable, MultibodyForces
 
 from drake_tc.control.dynamics_terms import DynamicsTerms, FloatingTerms
 from drake_tc.control.gains import TorqueGains
-from drake_tc.control.inverse_dynamics import InverseDynamics
+from drake_tc.control.inverse_dynamics import InverseDynamics, MotionSources
 from drake_tc.errors import ParamsError
 from drake_tc.robot.plant import make_plant
 
@@ -93,7 +93,8 @@ def test_the_system_reads_the_imu_and_stops_at_one_that_is_lost(tmp_path):
     robot = pendulum(tmp_path, fixed=False, more=IMU % "upper")
     truth = Truth(robot, 3)
     nil = np.zeros(2)
-    system = InverseDynamics(robot, TorqueGains(nil, nil, nil, nil, np.zeros((0, 0))), configuration="reference")
+    gains = TorqueGains(nil, nil, nil, nil, np.zeros((0, 0)))
+    system = InverseDynamics(robot, gains, MotionSources(configuration="reference"))
     context = system.CreateDefaultContext()
     inputs = {
         "joint_estimate": truth.joints,

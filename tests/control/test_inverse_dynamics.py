@@ -8,7 +8,7 @@ from pydrake.multibody.tree import MultibodyForces
 
 from drake_tc.control.dynamics_terms import DynamicsTerms
 from drake_tc.control.gains import TorqueGains
-from drake_tc.control.inverse_dynamics import TERMS, InverseDynamics
+from drake_tc.control.inverse_dynamics import TERMS, InverseDynamics, MotionSources
 from drake_tc.errors import ParamsError
 from drake_tc.robot.plant import add_robot
 
@@ -60,7 +60,7 @@ def test_the_rotor_is_not_counted(tmp_path):
 @pytest.mark.parametrize("configuration", ["estimate", "reference"])
 @pytest.mark.parametrize("position_error", ["estimate", "encoder"])
 def test_terms_are_those_of_the_equation(tmp_path, configuration, position_error):
-    system = InverseDynamics(pendulum(tmp_path), GAINS, configuration=configuration, position_error=position_error)
+    system = InverseDynamics(pendulum(tmp_path), GAINS, MotionSources(configuration, position_error))
     tau_d, terms = evaluated(system)
     q, v, a = INPUTS["joint_estimate"].reshape(3, 2)
     q_d, v_d, a_d = INPUTS["reference"].reshape(3, 2)
@@ -91,7 +91,7 @@ MOVES = {  # input: (index, the terms it moves; M, h and J at the estimate)
 
 @pytest.mark.parametrize("name", MOVES)
 def test_poking_an_input_moves_its_terms_alone(tmp_path, name):
-    system = InverseDynamics(pendulum(tmp_path), GAINS, position_error="encoder")
+    system = InverseDynamics(pendulum(tmp_path), GAINS, MotionSources(position_error="encoder"))
     context = system.CreateDefaultContext()
     for port, value in INPUTS.items():
         system.GetInputPort(port).FixValue(context, value)
@@ -171,8 +171,8 @@ def test_refusals(tmp_path):
     with pytest.raises(ParamsError, match="gains: expected 2 joints, got 3"):
         InverseDynamics(robot, TorqueGains(*np.ones((4, 3)), np.eye(6)))
     with pytest.raises(ParamsError, match="configuration: expected one of estimate, reference"):
-        InverseDynamics(robot, GAINS, configuration="here")
+        MotionSources(configuration="here")
     with pytest.raises(ParamsError, match="position_error: expected one of estimate, encoder"):
-        InverseDynamics(robot, GAINS, position_error="here")
+        MotionSources(position_error="here")
     with pytest.raises(ParamsError, match="expected a welded base"):
         DynamicsTerms(pendulum(tmp_path, fixed=False))

@@ -23,7 +23,7 @@ from drake_tc.loops.plant import add_robot_plant
 from drake_tc.loops.torque.references import posture, references, table_source
 from drake_tc.loops.torque.scenario import Scenario
 from drake_tc.loops.torque.stages import LoopDesign, actuator_models, loop_robot, torque_gains
-from drake_tc.loops.torque.wiring import wire_torque_loop
+from drake_tc.loops.torque.wiring import Desired, wire_torque_loop
 from drake_tc.robot.plant import add_robot
 from drake_tc.robot.robot import Robot
 from drake_tc.types import FloatArray
@@ -117,7 +117,7 @@ def one_joint_loop(
         gains=torque_gains(scenario, robot),
         posture=robot.posture,
     )
-    wire_torque_loop(builder, plant, design, source.get_output_port())
+    wire_torque_loop(builder, plant, design, Desired(source.get_output_port()))
     log = LogVectorOutput(plant.get_state_output_port(), builder, scenario.dt)
     return OneJointLoop(builder.Build(), plant, log)
 

@@ -27,7 +27,7 @@ from drake_tc.loops.recording import Progress, Recording, write_log, write_rig
 from drake_tc.loops.torque.references import References, posture, references, table_source
 from drake_tc.loops.torque.scenario import Scenario
 from drake_tc.loops.torque.stages import LoopDesign, actuator_models, loop_robot, torque_gains
-from drake_tc.loops.torque.wiring import wire_torque_loop
+from drake_tc.loops.torque.wiring import Desired, wire_torque_loop
 from drake_tc.robot.robot import Robot
 from drake_tc.types import FloatArray, IntArray
 
@@ -88,13 +88,8 @@ def build_loop(scenario: Scenario, *, meshcat: bool = False, fused: bool = False
     forces = _force_reference(builder, scenario, robot, path)
     gains = torque_gains(scenario, robot)
     asked = bool(scenario.force) or bool(gains.kf.any()) or scenario.log_components
-    loop = wire_torque_loop(
-        builder,
-        plant,
-        LoopDesign.of_scenario(scenario),
-        source.get_output_port(),
-        forces if asked else None,
-    )
+    desired = Desired(source.get_output_port(), forces if asked else None)
+    loop = wire_torque_loop(builder, plant, LoopDesign.of_scenario(scenario), desired)
     left_out = {"joint_estimate", "unknown_wrench", "fault", *(() if scenario.log_truth else ("joint_torque",))}
     if forces is not None:
         loop.signals["force_reference"] = forces

@@ -25,9 +25,10 @@ from pydrake.systems.primitives import ConstantVectorSource, Demultiplexer
 from drake_tc.actuation.model import ActuatorModel, EffectValue
 from drake_tc.actuation.model_file import ModelFile, models_of_joints
 from drake_tc.actuation.wiring import sliding
+from drake_tc.control.dynamics_terms import BaseRotation
 from drake_tc.control.gains import TorqueGains
 from drake_tc.control.guard import CommandGuard, rated_guard
-from drake_tc.control.inverse_dynamics import InverseDynamics
+from drake_tc.control.inverse_dynamics import InverseDynamics, MotionSources
 from drake_tc.control.torque_control import TorqueControl
 from drake_tc.errors import ParamsError
 from drake_tc.estimation.delay_predictor import DelayPredictor
@@ -267,14 +268,9 @@ def _inverse_dynamics(
     if "inverse_dynamics" in parts.stages:
         parts.add("inverse_dynamics", None, **inputs)
         return
-    dynamics = InverseDynamics(
-        robot,
-        parts.gains,
-        configuration=scenario.configuration,
-        position_error="encoder",
-        angular_acceleration="neglected" if scenario.angular_acceleration == "neglected" else "gyro",
-        force_task=asked is not None,
-    )
+    rotation: BaseRotation = "neglected" if scenario.angular_acceleration == "neglected" else "gyro"
+    sources = MotionSources(scenario.configuration, "encoder", rotation)
+    dynamics = InverseDynamics(robot, parts.gains, sources, force_task=asked is not None)
     parts.add("inverse_dynamics", dynamics, **inputs)
 
 

@@ -19,7 +19,7 @@ Fed with the readings of a simulated loop, its commands are the same to the last
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
@@ -58,6 +58,13 @@ LONGEST = 1e4
 """Of a trajectory without end, that is looked at [s]."""
 Reference = OutputPort | Trajectory | None
 """(3n) [q_d; qdot_d; qddot_d] from a port, q_d (n) as a trajectory, or None: the robot's posture."""
+
+
+class Desired(NamedTuple):
+    """What the joints shall do, and the forces and torques (6k) at the F/T sensors' contacts [N, N m], if any."""
+
+    motion: Reference = None
+    force: OutputPort | None = None
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -132,16 +139,14 @@ def add_torque_loop(
     )
     design = torque_design(robot, spec, actuators, assumed, gains)
     warn_of_weak_joints(design, stages or ())
-    return wire_torque_loop(builder, plant, design, reference, force_reference, stages=stages)
+    return wire_torque_loop(builder, plant, design, Desired(reference, force_reference), stages)
 
 
 def wire_torque_loop(
     builder: DiagramBuilder,
     plant: MultibodyPlant,
     design: LoopDesign,
-    reference: Reference = None,
-    force_reference: OutputPort | None = None,
-    *,
+    desired: Desired,
     stages: Mapping[str, System] | None = None,
 ) -> TorqueLoop:
     """Add the loop of a design, which says drives, gains and window, without a look at its margins.
@@ -150,14 +155,13 @@ def wire_torque_loop(
         builder: Holds `plant`.
         plant: Finalized plant with live ports.
         design: What to wire.
-        reference: What the joints shall do.
-        force_reference: (6k) of the contacts at the F/T sensors [N, N m].
+        desired: What joints and contacts shall do.
         stages: Stage, or "stage.port", to a system in its place or behind that port.
 
     Raises:
         ParamsError: as `add_torque_loop`.
     """
-    robot, spec = design.robot, design.spec
+    robot, spec, force_reference = design.robot, design.spec, desired.force
     expected = 6 * len(robot.force_torque)
     if force_reference is not None and force_reference.size() != expected:
         raise ParamsError(
@@ -184,7 +188,7 @@ def wire_torque_loop(
         gains=design.gains,
         force_reference=force_reference,
     )
-    command = add_torque_controller(parts, reference)
+    command = add_torque_controller(parts, desired.motion)
     simulated = dict(zip(robot.joints, design.actuators, strict=True))
     actuators = add_actuators(builder, plant, simulated, plant.time_step() or spec.dt)
     builder.Connect(command, actuators.GetInputPort("command"))
