@@ -86,7 +86,8 @@ def _section(joint: JointComparison) -> PageSection:
     )
     name, about = f"changes-{joint.joint}", f"changes of the parameters of {joint.joint}"
     plots = [_svg(name, change_figure(joint), about)] if joint.parameters else []
-    return PageSection(joint.joint, sentences(joint), plots=plots, tables=[table], aside=VERDICTS[joint.verdict])
+    told = [*sentences(joint), "Brackets hold 95 % intervals. The log odds are those that the parameter changed."]
+    return PageSection(joint.joint, told, plots=plots, tables=[table], aside=VERDICTS[joint.verdict])
 
 
 def sentences(joint: JointComparison) -> list[str]:
