@@ -38,9 +38,11 @@ PARTS = {
             REPRODUCED + "A.fig*",
             REPRODUCED + "A.t[ao]*",
             "diagrams/papers/test_papers.py::test_another_seed*",
-            "loops/torque/test_fault_cases.py::*",
-            "loops/torque/test_torque_contradiction.py::*",
-            "loops/torque/test_stress.py::*",
+            "diagrams/papers/test_papers.py::test_torque_control_follows*",
+            "diagrams/papers/test_papers.py::test_stability_judges*",
+            "loops/fused/test_fuse.py::*",
+            "loops/test_random_context.py::*",
+            "loops/torque/*",
             "diagrams/papers/delprete2016/test_table1.py::*",
             "diagrams/test_other_robots.py::*",
             "analysis/*",
@@ -56,9 +58,7 @@ PARTS = {
         (REPRODUCED + "B.test*", "diagrams/papers/delprete2015/test_reproductions.py::*", "tsid/*"),
         alone=True,
     ),
-    "kernels": Part(
-        "the compiled functions run as Python (NUMBA_DISABLE_JIT=1)", ("kernels/test_without_compiler.py::*",)
-    ),
+    "kernels": Part("the compiled functions run as Python (NUMBA_DISABLE_JIT=1)", ("kernels/*",)),
     "closed-loop": Part(
         "Del Prete and Mansard (2015): twenty robots in the whole chain (B.closed_loop)",
         (REPRODUCED + "B.closed_loop?",),
@@ -66,7 +66,7 @@ PARTS = {
     ),
     "humanoid": Part(
         "humanoids of several makers on a floor under robust TSID; pushes in all directions",
-        ("diagrams/test_humanoid_tsid.py::*", "loops/whole_body/test_falls.py::*"),
+        ("diagrams/test_humanoid_tsid.py::*", "loops/fused/test_whole_body.py::*", "loops/whole_body/*"),
     ),
     "series-elastic": Part(
         "Faraji et al. (2015): one series-elastic joint, its laws and its motor",
@@ -124,6 +124,8 @@ PARTS = {
             "diagnosis/test_shared_leg.py::*",
             "diagnosis/test_shared_leg_tolerances.py::*",
             "effects/*",
+            "diagrams/test_one_page.py::*",
+            "filtering/*",
             "loops/joint_bench/*",
         ),
     ),

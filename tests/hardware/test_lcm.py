@@ -77,13 +77,13 @@ def test_a_bus_of_another_kind_is_refused():
         LcmLink(SIZES, 2, "nonsense://")
 
 
-def test_three_seconds_at_1_khz_against_a_robot_in_another_process():
+def test_a_second_at_1_khz_against_a_robot_in_another_process():
     """What a busy machine leaves: the run goes on to its end, nothing fails, most ticks are in time."""
-    report = measured(3.0, permitted_priority())
+    report = measured(1.0, permitted_priority())
     assert report.ended == "duration"
     assert report.counts.link_errors == report.counts.controller_errors == report.counts.malformed == 0
-    assert 3.0 <= report.seconds <= 3.5
-    assert report.counts.ticks + report.counts.skipped >= 3_100
+    assert 1.0 <= report.seconds <= 1.5
+    assert report.counts.ticks + report.counts.skipped >= 1_100
     assert report.miss_share < 0.5
     assert np.all(np.isfinite(report.work))
 
@@ -100,10 +100,20 @@ def test_the_command_runs_a_controller_and_a_message_stops_it(capsys):
     leg = ["run", "drake_tc.diagrams.hardware_loop:controller", "--robot", f"lcm={BUS}"]
     assert run([*leg, "--patience", "0.05"]) == 3
     assert "no sound readings within 0.05 s" in capsys.readouterr().err
-    thread = threading.Timer(0.5, run, (["run", leg[1], "--robot", f"lcm={BUS}", "--stop"],))
+    done = threading.Event()
+
+    def stop():
+        """Again and again: one that comes before the controller listens is lost."""
+        while not done.wait(0.3):
+            run(["run", leg[1], "--robot", f"lcm={BUS}", "--stop"])
+
+    thread = threading.Thread(target=stop)
     thread.start()
-    assert run([*leg, "--patience", "20", "--json"]) == 0
-    thread.join()
+    try:
+        assert run([*leg, "--patience", "20", "--json"]) == 0
+    finally:
+        done.set()
+        thread.join()
     assert json.loads(capsys.readouterr().out)["ended"] == "stop message"
 
 

@@ -2,6 +2,7 @@
 
 import signal
 import threading
+from functools import cache
 
 import numpy as np
 import pytest
@@ -13,7 +14,8 @@ from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.model_file import load_models
 from drake_tc.control.guard import GuardMode, GuardSpec
 from drake_tc.control.trajectories import knot_trajectory
-from drake_tc.diagrams.hardware_loop import ROBOT, SPEC, SWING, TIMES, controller, robot
+from drake_tc.diagrams import hardware_loop
+from drake_tc.diagrams.hardware_loop import ROBOT, SPEC, SWING, TIMES, robot
 from drake_tc.errors import ParamsError
 from drake_tc.hardware.link import CallbackLink
 from drake_tc.hardware.loop import RealTimeLoop, RealTimeSpec
@@ -28,6 +30,12 @@ from tests.robot_files import joint_tag, link_tag, urdf, write_robot
 
 DT = 1e-3
 QUICK = RealTimeSpec(arm_time=0.0, stop_time=0.05, guard=GuardSpec(start_time=0.0))
+
+
+@cache
+def controller():
+    """One for all runs: what changes is in their Contexts."""
+    return hardware_loop.controller()
 
 
 class Steps:

@@ -8,6 +8,7 @@ import pytest
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import Gain
+from sweeps import slow_but
 
 from drake_tc.actuation.model_file import load_models
 from drake_tc.control.gains import TorqueGains
@@ -51,7 +52,7 @@ CASES = {
 }
 
 
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("case", slow_but(CASES, "faults of sensors", "force control", "floating base"))
 def test_it_computes_the_same_numbers(case):
     name, scenario, text = CASES[case]
     loops = [build_loop(diagram_entry(name).scenario(scenario, text=text), fused=fused) for fused in (True, False)]

@@ -8,6 +8,7 @@ import pytest
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import Gain
+from sweeps import slow_but
 
 import drake_tc.diagrams
 from drake_tc.loops.fused import FusedStages, StageValues, fuse, fused_stages
@@ -76,12 +77,20 @@ CASES = {
 }
 
 
-@pytest.mark.parametrize("case", CASES)
+FAST = (
+    "frozen encoders, late gauges, lost wrenches",
+    "one stage alone and a contact that is lifted",
+    "geared drives and a contact that is lifted",
+)
+
+
+@pytest.mark.parametrize("case", slow_but(CASES, *FAST))
 def test_it_computes_the_same_numbers(case):
     path, name, text, duration = CASES[case]
     assert_fused_is_apart(TsidScenario.load(path, name, text), duration)
 
 
+@pytest.mark.slow
 def test_springs_with_a_state_from_contacts_and_torques_that_err():
     own = {"estimator": BaseEstimationSpec(), "torque_error": TorqueErrorSpec(hold=5e-3)}
     assert_fused_is_apart(TsidScenario.load(COMAN, "stand").changed(state="estimated", **own), 0.06)

@@ -35,7 +35,8 @@ def record(step, seed):
     return record_bench(model(), Table(time, command), scenario)
 
 
-@pytest.mark.parametrize("step", [1e-3, pytest.param(1e-4, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("step", [1e-3, 1e-4])
 def test_nothing_is_named_on_a_simulated_rig_that_lacks_nothing(tmp_path, step):
     logs = []
     for seed in range(3):

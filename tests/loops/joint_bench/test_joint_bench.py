@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import yaml
 from numpy.testing import assert_allclose
+from sweeps import slow_but
 
 from drake_tc.actuation.free_run import model_to_simulate
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
@@ -49,7 +50,7 @@ def swing(scenario=SCENARIO):
     return Table(time, current, temperature=25.0 + 4.0 * time)
 
 
-@pytest.mark.parametrize("name", EXTRAS)
+@pytest.mark.parametrize("name", slow_but(EXTRAS, "none", "payload", "presliding_hysteresis", "torque_sensor_drift"))
 def test_simulate_then_identify_back_by_plain_least_squares(name):
     extra = EXTRAS[name]
     run = record_bench(model_with(extra), swing(), SCENARIO)
@@ -78,8 +79,9 @@ def test_simulate_then_identify_back_by_plain_least_squares(name):
     assert_allclose(theta, truth, rtol=0.02, atol=0.01)
 
 
-@pytest.mark.parametrize("kind", ["position_servo", "current", "voltage", "torque"])
-@pytest.mark.parametrize("load", ["torque", "pendulum"])
+@pytest.mark.parametrize(
+    ("kind", "load"), [("position_servo", "torque"), ("current", "pendulum"), ("voltage", "torque")]
+)
 def test_free_run_with_the_true_model_repeats_the_record(kind, load):
     model = ActuatorModel("joint", Drive(kind, 0.01 if kind == "position_servo" else GAIN), BASE)
     scenario = BenchScenario(duration=3.0, step=1e-3, log_period=1e-3, link_inertia=0.08, gravity_moment=3.0)

@@ -1,5 +1,6 @@
 """The torque controller without a plant commands what the simulated loop whose readings it gets has commanded."""
 
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,7 @@ from numpy.testing import assert_array_equal
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import LinearSystem
+from sweeps import slow_but
 
 import drake_tc.diagrams
 import drake_tc.models
@@ -77,8 +79,10 @@ def commands(controller, signals):
     return np.array([stepper.tick(readings)["command"] for readings in given])
 
 
-@pytest.mark.parametrize("fused", [False, True])
-@pytest.mark.parametrize("name", SPECS)
+@pytest.mark.parametrize(
+    ("name", "fused"),
+    slow_but(product(SPECS, (False, True)), ("forces", True), ("observer", False), ("encoder_lost", True)),
+)
 def test_commands_are_those_of_the_simulated_loop(name, fused):
     spec, feedback = SPECS[name]
     robot, models, gains, signals = simulated(spec, feedback)

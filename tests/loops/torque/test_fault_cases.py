@@ -4,13 +4,14 @@ from functools import cache
 
 import numpy as np
 import pytest
+from sweeps import slow_but
 
 from drake_tc.control.guard import GuardMode
 from drake_tc.errors import ParamsError
 from drake_tc.loops.torque.running import simulate_scenario
 from drake_tc.registry import diagram_entry
 
-from .fault_cases import BIASES, CASES, FLAGGED_WITHIN, KINDS, LATE, FaultCase, run_case
+from .fault_cases import BIASES, CASES, FLAGGED_WITHIN, LATE, FaultCase, run_case
 
 SITUATIONS = {"swing": ("hrp2_leg", "brisk_swing", 0.9), "contact": ("hrp2_leg_contact", "brisk_force_sine", 0.8)}
 MARGIN = 0.02
@@ -34,22 +35,14 @@ def recording_index(result):
     return int(np.argmax(result.after)) + 1
 
 
-def chequered():
-    """All thirty-six; each kind once and each sensor twice, and the others wait for `make test-slow`."""
-    return [
-        pytest.param(
-            situation,
-            case,
-            marks=[pytest.mark.slow] if (i + i // len(KINDS) + 3 * s) % len(KINDS) else [],
-            id=f"{situation}-{case.name}",
-        )
-        for s, situation in enumerate(SITUATIONS)
-        for i, case in enumerate(CASES)
-    ]
+ALL = {f"{situation}-{case.name}": (situation, case) for situation in SITUATIONS for case in CASES}
 
 
-@pytest.mark.parametrize(("situation", "case"), chequered())
-def test_a_failing_sensor_is_flagged_and_the_robot_stays_safe(situation, case):
+@pytest.mark.parametrize(
+    "name", slow_but(ALL, "swing-encoder-frozen", "swing-imu-spikes", "contact-force_torque-biased")
+)
+def test_a_failing_sensor_is_flagged_and_the_robot_stays_safe(name):
+    situation, case = ALL[name]
     result = outcome(situation, case)
     recording, after = result.recording, result.after
     assert not result.flagged_before
@@ -145,6 +138,7 @@ def test_the_cases_biases_are_large_enough_to_be_seen():
     assert {sensor for sensor, (bias, seen) in compared.items() if bias < seen} == set()
 
 
+@pytest.mark.slow
 def test_a_force_that_jumped_in_contact_is_not_believed_again():
     """A false 150 N: the force loop would balance it with the joints' stiffness, up to 0.13 rad at the knee."""
     result = outcome("contact", FaultCase("force_torque", "biased", 150.0))
@@ -193,13 +187,14 @@ UNHARMED = [
     ("swing", "encoder", 0.003),
     ("swing", "imu", 0.01),
     ("contact", "force_torque", 0.01),
-    pytest.param("swing", "force_torque", 0.01, marks=pytest.mark.slow),
-    pytest.param("contact", "encoder", 0.01, marks=pytest.mark.slow),
-    pytest.param("contact", "imu", 0.01, marks=pytest.mark.slow),
+    ("swing", "force_torque", 0.01),
+    ("contact", "encoder", 0.01),
+    ("contact", "imu", 0.01),
 ]
 """Where readings of before hardly differ from those of now."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("situation", "sensor", "age"), UNHARMED)
 def test_a_sensor_that_comes_a_little_late_does_no_harm(situation, sensor, age):
     result, calm = outcome(situation, FaultCase(sensor, LATE, age)), undisturbed(situation)

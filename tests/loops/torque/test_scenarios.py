@@ -138,75 +138,51 @@ def test_what_a_scenario_file_cannot_say(file, name, text, message):
 
 
 @pytest.mark.parametrize(
-    ("diagram", "text", "message"),
+    ("text", "message"),
     [
-        ("hrp2_leg", "{robot: nothing.yaml}", r"nothing\.yaml"),
+        ("{robot: nothing.yaml}", r"nothing\.yaml"),
         (
-            "hrp2_leg",
             "{robot: ../models/hrp2_like/hrp2_like.yaml}",
             "angular_acceleration: expected gyro or neglected, as the base",
         ),
-        ("hrp2_leg", "{actuators: nothing.yaml}", r"nothing\.yaml"),
-        ("hrp2_leg", "{sensors: superb}", r"sensors\.preset: expected one of perfect, realistic, got 'superb'"),
-        ("hrp2_leg", "{sensors: {encoder: {hue: 1}}}", r"sensors\.encoder: unknown .*hue"),
-        ("hrp2_leg", "{motion: {posture: {elbow: 1.0}}}", "motion.posture: no joint 'elbow'; joints of hrp2_like_leg"),
-        ("hrp2_leg", "{motion: {knots: {elbow: [1, 2, 3, 4]}}}", r"motion\.knots: no joint 'elbow'"),
-        ("hrp2_leg", "{motion: {knots: {r_knee: [1, 2]}}}", r"motion\.knots\.r_knee: expected 4 positions, got 2"),
-        ("hrp2_leg", "{motion: {times: [0.0, 2.0, 1.0, 3.0]}}", "times"),
-        ("hrp2_leg", "{motion: {sinusoids: {elbow: {frequency_hz: 1.0}}}}", r"motion\.sinusoids: no joint 'elbow'"),
-        ("hrp2_leg", "{gains: {by_joint: {elbow: {k6: 1.0}}}}", r"gains\.by_joint: no joint 'elbow'"),
-        ("hrp2_leg", "{gains: {by_joint: {r_knee: {k9: 1.0}}}}", r"gains\.by_joint\.r_knee: no gain 'k9'"),
-        ("hrp2_leg", "{force: {left_ankle: {}}}", "force: no F/T sensor 'left_ankle'; those of hrp2_like_leg: right"),
-        ("hrp2_leg", "{pushes: [{link: tail, begin: 0, duration: 1}]}", "pushes: no link 'tail'"),
+        ("{actuators: nothing.yaml}", r"nothing\.yaml"),
+        ("{sensors: superb}", r"sensors\.preset: expected one of perfect, realistic, got 'superb'"),
+        ("{sensors: {encoder: {hue: 1}}}", r"sensors\.encoder: unknown .*hue"),
+        ("{motion: {posture: {elbow: 1.0}}}", "motion.posture: no joint 'elbow'; joints of hrp2_like_leg"),
+        ("{motion: {knots: {elbow: [1, 2, 3, 4]}}}", r"motion\.knots: no joint 'elbow'"),
+        ("{motion: {knots: {r_knee: [1, 2]}}}", r"motion\.knots\.r_knee: expected 4 positions, got 2"),
+        ("{motion: {times: [0.0, 2.0, 1.0, 3.0]}}", "times"),
+        ("{motion: {sinusoids: {elbow: {frequency_hz: 1.0}}}}", r"motion\.sinusoids: no joint 'elbow'"),
+        ("{gains: {by_joint: {elbow: {k6: 1.0}}}}", r"gains\.by_joint: no joint 'elbow'"),
+        ("{gains: {by_joint: {r_knee: {k9: 1.0}}}}", r"gains\.by_joint\.r_knee: no gain 'k9'"),
+        ("{force: {left_ankle: {}}}", "force: no F/T sensor 'left_ankle'; those of hrp2_like_leg: right"),
+        ("{pushes: [{link: tail, begin: 0, duration: 1}]}", "pushes: no link 'tail'"),
         (
-            "hrp2_leg",
             "{pushes: [{link: r_foot, begin: 0, duration: 0}]}",
             "push on r_foot: expected a finite begin and a positive duration",
         ),
+        ("{pushes: [{link: r_foot, begin: 0, duration: 1, force: [1, 2]}]}", "force: expected three finite"),
+        ("{masses: {r_foot: -1}}", "masses.r_foot: expected a positive factor"),
+        ("{seed: -1}", "seed: expected a whole number from 0 to"),
+        ("{gains: {kf: [1, 2]}}", "kf: expected one number or six"),
+        ("{motion: {posture: {r_knee: 9}}}", "r_knee: expected 0 to 2.618 rad"),
         (
-            "hrp2_leg",
-            "{pushes: [{link: r_foot, begin: 0, duration: 1, force: [1, 2]}]}",
-            "force: expected three finite",
-        ),
-        ("hrp2_leg", "{masses: {r_foot: -1}}", "masses.r_foot: expected a positive factor"),
-        ("hrp2_leg", "{seed: -1}", "seed: expected a whole number from 0 to"),
-        ("hrp2_leg", "{gains: {kf: [1, 2]}}", "kf: expected one number or six"),
-        ("hrp2_leg", "{motion: {posture: {r_knee: 9}}}", "r_knee: expected 0 to 2.618 rad"),
-        (
-            "hrp2_leg",
             "{objects: [{size: [1, 1, .nan], xyz: [0, 0, 0]}]}",
             r"objects\[0\]\.size\[2\]: expected a finite number, got nan",
         ),
-        (
-            "hrp2_leg",
-            "{objects: [{size: [1, 1, 1], xyz: [0, 0, 0], friction: -1}]}",
-            "friction: expected a number >= 0",
-        ),
-        ("hrp2_leg", "{masses: {tail: 1.1}}", "masses: no link 'tail' in hrp2_like_leg"),
-        (
-            "hrp2_leg",
-            "{objects: [{size: [1, 1], xyz: [0, 0, 0]}]}",
-            r"objects\[0\]: object: size: expected three finite numbers",
-        ),
-        (
-            "hrp2_leg",
-            "{objects: [{size: [1, 1, 0], xyz: [0, 0, 0]}]}",
-            r"objects\[0\]: object: size: expected positive lengths",
-        ),
-        ("hrp2_leg", "{faults: {imu: [{kind: nan, channels: [7]}]}}", "expected 0 to 5, got 7"),
-        ("hrp2_leg", "{filters: {window: 2}}", "window"),
-        ("hrp2_leg", "{tare: -1.0}", "tare: expected"),
+        ("{objects: [{size: [1, 1, 1], xyz: [0, 0, 0], friction: -1}]}", "friction: expected a number >= 0"),
+        ("{masses: {tail: 1.1}}", "masses: no link 'tail' in hrp2_like_leg"),
+        ("{objects: [{size: [1, 1], xyz: [0, 0, 0]}]}", r"objects\[0\]: object: size: expected three finite numbers"),
+        ("{objects: [{size: [1, 1, 0], xyz: [0, 0, 0]}]}", r"objects\[0\]: object: size: expected positive lengths"),
+        ("{faults: {imu: [{kind: nan, channels: [7]}]}}", "expected 0 to 5, got 7"),
+        ("{filters: {window: 2}}", "window"),
+        ("{tare: -1.0}", "tare: expected"),
     ],
 )
-def test_what_does_not_fit_the_robot_is_refused(diagram, text, message):
+def test_what_does_not_fit_the_robot_is_refused(text, message):
     with pytest.raises(ParamsError, match=message) as caught:
-        build_loop(diagram_entry(diagram).scenario(text=text))
+        build_loop(diagram_entry("hrp2_leg").scenario(text=text))
     assert "\n" not in str(caught.value)
-
-
-def test_unknown_diagrams_are_refused():
-    with pytest.raises(ParamsError, match="no diagram 'moon'; diagrams: hrp2_leg, hrp2_leg_contact"):
-        diagram_entry("moon")
 
 
 def test_files_that_cannot_be_read(tmp_path):

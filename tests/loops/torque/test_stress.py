@@ -5,6 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from sweeps import slow_but
 
 from drake_tc.cli.main import run as run_command
 from drake_tc.errors import SimulationError
@@ -51,12 +52,17 @@ def test_contact_forces_agree_for_all_steps_of_the_plant():
 @pytest.mark.parametrize(
     ("which", "period", "plant"),
     [
-        (SWING, 0.002, 0.002),
-        (CONTACT, 0.005, 0.001),
         (SWING, 0.005, 0.005),
-        pytest.param(SWING, 0.002, 0.001, marks=pytest.mark.slow),
-        pytest.param(CONTACT, 0.002, 0.002, marks=pytest.mark.slow),
-        pytest.param(SWING, 0.005, 0.001, marks=pytest.mark.slow),
+        *(
+            pytest.param(*each, marks=pytest.mark.slow)
+            for each in [
+                (SWING, 0.002, 0.002),
+                (SWING, 0.002, 0.001),
+                (SWING, 0.005, 0.001),
+                (CONTACT, 0.002, 0.002),
+                (CONTACT, 0.005, 0.001),
+            ]
+        ),
     ],
 )
 def test_slower_control_with_the_same_filter_time(which, period, plant):
@@ -67,7 +73,8 @@ def test_slower_control_with_the_same_filter_time(which, period, plant):
     assert np.abs(recording.tracking_error).max() < 6e-3
 
 
-@pytest.mark.parametrize("plant", [0.005, pytest.param(0.001, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("plant", [0.005, 0.001])
 @pytest.mark.parametrize("which", [SWING, CONTACT])
 def test_slow_control_with_a_filter_of_half_a_second(which, plant):
     sane(run(which, f"{{dt: 0.005, plant_step: {plant}}}"))
@@ -77,18 +84,14 @@ GAINS = ("k6: 50", "kp: 50", "k6: 50, kp: 50", "k7: 50", "ki: 1000", "kf: 50")
 
 
 @pytest.mark.parametrize(
-    ("which", "gains"),
-    [
-        pytest.param(w, g, marks=[] if (i + k) % 3 == 0 else [pytest.mark.slow])
-        for k, w in enumerate((SWING, CONTACT))
-        for i, g in enumerate(GAINS)
-    ],
+    ("which", "gains"), slow_but([(w, g) for w in (SWING, CONTACT) for g in GAINS], (SWING, "k6: 50, kp: 50"))
 )
 def test_absurd_gains_are_caught_by_monitor_and_guard(which, gains):
     sane(run(which, f"{{gains: {{{gains}}}}}"))
 
 
-@pytest.mark.parametrize("gains", ["kp: 50", pytest.param("k7: 50", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("gains", ["kp: 50", "k7: 50"])
 def test_absurd_gains_without_a_monitor_are_still_bounded_by_the_guard(gains):
     off = ", ".join(f"{name}: .inf" for name in ("force_jump", "moment_jump", "unexpected_force", "unexpected_moment"))
     recording = run(SWING, f"{{gains: {{{gains}}}, monitor: {{{off}}}}}")
@@ -98,12 +101,13 @@ def test_absurd_gains_without_a_monitor_are_still_bounded_by_the_guard(gains):
     assert np.abs(recording.velocity).max() < RUNAWAY_SPEED
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "box",
     [
         "size: [0.5, 0.4, 0.2], xyz: [0.0, -0.1, 0.37]",
-        pytest.param("size: [0.5, 0.4, 0.2], xyz: [0.0, -0.1, 0.6]", marks=pytest.mark.slow),
-        pytest.param("size: [0.5, 0.4, 2.0], xyz: [0.0, -0.1, 1.0]", marks=pytest.mark.slow),
+        "size: [0.5, 0.4, 0.2], xyz: [0.0, -0.1, 0.6]",
+        "size: [0.5, 0.4, 2.0], xyz: [0.0, -0.1, 1.0]",
         "size: [0.5, 0.4, 0.2], xyz: [0.0, -0.1, 0.27345], friction: 0.0",
     ],
     ids=["sole 10 cm deep", "shin inside", "whole leg inside", "ice"],

@@ -1,10 +1,12 @@
 """Pushes that no controller can stand: once ticks have had no solution for long, the joints take energy alone."""
 
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
 import pytest
+from sweeps import slow_but
 
 import drake_tc.diagrams
 from drake_tc.loops.whole_body.running import build_tsid, run_tsid, summarise_tsid
@@ -36,17 +38,11 @@ def joint_power(run):
     return (run["applied_torque"] * run["state"][:, model.nq + model.actuated]).sum(axis=1)
 
 
-FORCES, DIRECTIONS = (10.0, 30.0, 100.0, 200.0, 300.0), np.arange(16) * 22.5
+FORCES, DIRECTIONS = (10.0, 30.0, 100.0, 200.0, 300.0), tuple(22.5 * k for k in range(16))
 
 
-@pytest.mark.parametrize("robot", ROBOTS)
 @pytest.mark.parametrize(
-    ("force", "degrees"),
-    [
-        pytest.param(force, degrees, marks=() if force == 300.0 and degrees == 180.0 else pytest.mark.slow)
-        for force in FORCES
-        for degrees in DIRECTIONS.tolist()
-    ],
+    ("robot", "force", "degrees"), slow_but(product(ROBOTS, FORCES, DIRECTIONS), ("solo12", 300.0, 180.0))
 )
 def test_no_push_makes_the_joints_add_energy(robot, force, degrees):
     """From 50 ms of ticks without a solution on the joints take energy; all energy was there before."""
@@ -77,12 +73,9 @@ def energies(run):
     return np.array(found).T
 
 
-@pytest.mark.parametrize(
-    ("force", "degrees"),
-    [(300.0, 180.0), *(pytest.param(300.0, degrees, marks=pytest.mark.slow) for degrees in (0.0, 90.0))],
-)
-def test_a_fall_is_damped(force, degrees):
-    run = pushed(force, degrees)
+@pytest.mark.parametrize("degrees", slow_but((0.0, 90.0, 180.0), 180.0))
+def test_a_fall_is_damped(degrees):
+    run = pushed(300.0, degrees)
     model, falling = run.law.model, run.status(Status.FALLING)
     assert run.fell is not None
     velocity, power = run["state"][:, model.nq + model.actuated], joint_power(run)
@@ -102,15 +95,16 @@ def test_a_fall_is_damped(force, degrees):
     assert "falling, joints damped" in [fault["name"] for fault in summarise_tsid(run)["faults"]]
 
 
-@pytest.mark.parametrize(("force", "degrees"), [(100.0, 0.0), (100.0, 180.0)])
-def test_a_push_that_the_law_stands_damps_nothing(force, degrees):
-    run = pushed(force, degrees, 1.2)
+@pytest.mark.parametrize("degrees", slow_but((0.0, 180.0), 180.0))
+def test_a_push_that_the_law_stands_damps_nothing(degrees):
+    run = pushed(100.0, degrees, 1.2)
     assert run.fell is None
     assert run.status(Status.FALLING).max() == 0.0
     kinetic, _ = energies(run)
     assert kinetic[-1] < 0.2 * kinetic.max()
 
 
+@pytest.mark.slow
 def test_a_robot_that_catches_itself_is_let_go_again():
     run = pushed(200.0, 90.0)
     falling = run.status(Status.FALLING)

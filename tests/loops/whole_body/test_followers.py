@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from sweeps import slow_but
 
 from drake_tc.loops.whole_body.running import build_tsid, simulate_tsid
 from drake_tc.registry import tsid_entry
@@ -33,7 +34,7 @@ def law(tmp_path_factory):
     return folder / "hrp2_like_tsid.yaml"
 
 
-@pytest.mark.parametrize("scenario", ["balance", "whole_chain"])
+@pytest.mark.parametrize("scenario", slow_but(("balance", "whole_chain"), "balance"))
 def test_a_humanoid_with_followers_stands_as_one_without(law, scenario):
     found = {}
     for name, text in (("followers", f"{{duration: 0.4, controller: {law}}}"), ("none", "{duration: 0.4}")):
