@@ -37,7 +37,7 @@ def overview_of(part: Mapping[str, Any] | None) -> str:
     unused = [f"`{name}`" for name in sets if f"{name}: {RATIO}" not in rows]
     facts = table(
         ("data set", "what is in it", "what is open"),
-        [(f"`{name}`", said["contains"], said["open"]) for name, said in sets.items()],
+        [(f"`{name}`", said["contains"] + _source(said), said["open"]) for name, said in sets.items()],
     )
     if not part:
         return f"No figures are stored.\n\n{facts}"
@@ -47,10 +47,15 @@ def overview_of(part: Mapping[str, Any] | None) -> str:
             f"{origin}, {part['size']} size.",
             table(heads, figures),
             *(_share(row) for row in part["rows"] if row["unit"] == "share"),
-            f"The stored run has no figures of {', '.join(unused)}." if unused else "",
+            f"The stored run of this size has no figures of {', '.join(unused)}." if unused else "",
             facts,
         )
     )
+
+
+def _source(said: Mapping[str, str]) -> str:
+    """Where the recordings are published; "" for simulated ones."""
+    return f" ([source]({said['source']}))" if "source" in said else ""
 
 
 def _share(row: Mapping[str, Any]) -> str:

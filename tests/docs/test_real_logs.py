@@ -16,6 +16,7 @@ def test_every_set_with_rig_files_is_described():
     rigs = {path.name for path in (ROOT / "tests" / "benchmarks" / "rigs").iterdir() if path.is_dir()}
     assert set(SETS) == rigs
     assert all(said["contains"] and said["open"] for said in SETS.values())
+    assert {name for name, said in SETS.items() if "source" not in said} == {"bench-practice"}
 
 
 def test_the_page_states_commit_date_and_the_figures_of_each_set():
