@@ -238,8 +238,8 @@ def _joint(name: str, joint: JointCheck) -> list[PageSection]:
         f"The sensor noise alone leaves an error of {significant(noise.floor)} {unit} (RMS) in the torque balance; the "
         f"most probable model leaves {significant(noise.left)} {unit}, with {significant(noise.independent)} "
         "independent samples. The smallest size is the size at which close-loop would name the effect in 95 % of such "
-        "logs, for most values of its other parameters. “Seen” means that it is at most the typical size, from which "
-        "on an effect matters to the user of a model."
+        "logs, for most values of its other parameters. “Seen” means that it would name an effect of the typical size, "
+        "from which on the effect matters to the user of a model. A saturation is stronger the smaller its limit is."
     )
     table = PageTable(
         ("effect", "these logs", "smallest size", "typical size", "unit", "why"),
