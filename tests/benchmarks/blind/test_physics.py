@@ -89,6 +89,11 @@ def test_a_gap_lets_the_link_move_freely_and_a_spring_twists_by_torque_over_stif
     twist = spring.channels["motor_position"] - spring.channels["position"]
     slope = np.polyfit(spring.channels["torque"], twist, 1)[0]
     np.testing.assert_allclose(slope, 5e-5, rtol=0.02)  # the damper's share is what is left
+    # Newton's law for the link, whose acceleration is the slope of its recorded velocity
+    joint, load = gears[1].joint, make_motion(gears[1], "static").load[:-1]
+    load = load + joint.gravity * np.sin(spring.channels["position"])
+    left = joint.link_inertia * np.gradient(spring.channels["velocity"], 1e-3) - spring.channels["torque"] + load
+    assert np.std(left) < 0.05 * np.std(load)
 
 
 def test_runaway_and_bad_step_are_refused() -> None:
