@@ -8,7 +8,6 @@ from numpy.testing import assert_allclose
 from optional import skip_without_robots
 from pydrake.multibody.tree import JacobianWrtVariable, MultibodyForces
 
-from drake_tc.logs.rig import load_rig
 from drake_tc.robot.plant import make_plant
 from drake_tc.robot.robot import load_robot
 from tests.benchmarks.arm_rigs import known_arm_benchmark
@@ -16,7 +15,6 @@ from tests.benchmarks.blind_arm.arms import Body, arm_named, attach, moving_link
 from tests.benchmarks.blind_arm.known_links import (
     KNOWN_ROUND,
     known_case,
-    known_rig_file,
     named_set_up,
     record_known_case,
 )
@@ -52,19 +50,6 @@ def test_what_a_link_carries_hangs_at_its_place(tmp_path):
     )
     gravity = plant.gravity_field().gravity_vector()
     assert_allclose(loaded - empty, -jacobian.T @ (0.9 * gravity), atol=1e-9)  # torques of some N m
-
-
-@pytest.mark.parametrize("number", range(len(KNOWN_ROUND)))
-def test_files_do_not_tell(tmp_path, number):
-    skip_without_robots()
-    case = known_case(number, 0)
-    text = known_rig_file(case)
-    assert not case.kind or case.kind not in text
-    (tmp_path / "arm.yaml").write_text(case.arm.robot_file(), encoding="utf-8")
-    (tmp_path / "rig.yaml").write_text(text, encoding="utf-8")
-    rig = load_rig(tmp_path / "rig.yaml")
-    assert rig.joints == case.arm.joints
-    assert all(rig.declared[j].keys() == {"viscous", "coulomb", "rotor_inertia"} for j in rig.joints)
 
 
 def test_a_record_has_the_wrong_zero_and_nothing_else(tmp_path, monkeypatch):

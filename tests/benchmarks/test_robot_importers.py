@@ -1,22 +1,12 @@
-"""Importers of whole robots, on made-up small sets: columns, gains, robot files; an MJCF tree against Drake's own."""
-
-import gzip
-from pathlib import Path
+"""An MJCF tree and the height of a tip against Drake; `test_importers` has the imported sets."""
 
 import numpy as np
-import pandas as pd
 import pytest
 from numpy.testing import assert_allclose
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 
 from drake_tc.errors import LogError
-from drake_tc.logs.loads import RobotLoad
-from drake_tc.logs.prepare import load_runs
-from drake_tc.logs.rig import load_rig
-from drake_tc.logs.rig_document.document import Condition
-from drake_tc.robot.robot import load_robot
-from tests.benchmarks.importers import IMPORTERS
 from tests.benchmarks.importers.mjcf import urdf_of_mjcf
 from tests.benchmarks.importers.so101 import tip_height
 
@@ -63,18 +53,6 @@ TIP = """<link name="gripper_frame_link"/><joint name="tip" type="fixed"><parent
 
 def urdf_of(joints: list[str]) -> str:
     return f'<robot name="r"><link name="base_link"/>{JOINTS.format(*joints)}{TIP}</robot>'
-
-
-def write_urdf(path: Path, joints: list[str]) -> None:
-    text = urdf_of(joints)
-    path.write_bytes(gzip.compress(text.encode()) if path.suffix == ".gz" else text.encode())
-
-
-def write_run(path: Path, columns: list[str], rng: np.random.Generator) -> pd.DataFrame:
-    table = pd.DataFrame({name: np.cumsum(rng.normal(0.0, 0.01, 40)) for name in columns})
-    table.insert(0, "time", 3.0 + 0.01 * np.arange(40))
-    table.to_csv(path, index=False)
-    return table
 
 
 def plant_of(text: str, file_type: str) -> MultibodyPlant:
@@ -128,27 +106,6 @@ def test_what_is_not_a_tree_of_hinges_is_refused(text: str, said: str) -> None:
         urdf_of_mjcf(text, "small.xml")
 
 
-def test_ur10e_reads_currents_and_names_the_loaded_run(tmp_path: Path) -> None:
-    source, out, rng = tmp_path / "set", tmp_path / "out", np.random.default_rng(1)
-    source.mkdir()
-    names = ["shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint", "wrist_1_joint", "wrist_2_joint"]
-    write_urdf(source / "ur10e.urdf.gz", [*names, "wrist_3_joint"])
-    columns = [f"{key}_{i}" for key in ("q", "qd", "current") for i in range(1, 7)]
-    table = write_run(source / "exc_a.csv", columns, rng)
-    (rig_file,) = IMPORTERS["ur10e"](source, out)
-    write_run(source / "exc_0131_load.csv", columns, rng)
-    assert [path.name for path in IMPORTERS["ur10e"](source, out)] == ["rig.yaml", "rig_load.yaml"]
-    rig, loaded = load_rig(rig_file), load_rig(out / "rig_load.yaml")
-    assert rig.load["elbow_joint"] == RobotLoad("fitted", gain_tolerance=0.1)
-    assert loaded.load["elbow_joint"] == RobotLoad("fitted", gain_tolerance=0.1, payload=("exc_0131_load",))
-    assert_allclose(1.0 / rig.drive_gain["elbow_joint"], 9.839, rtol=1e-5)  # README: N m/A at the joint
-    log = pd.read_parquet(out / "exc_a.parquet")
-    assert_allclose(log["elbow_joint/current"], table["current_3"], rtol=0)
-    assert_allclose(log["wrist_3_joint/velocity"], table["qd_6"], rtol=0)
-    assert load_robot(out / "robot.yaml").joints == rig.joints
-    assert len(load_runs(sorted(out.glob("*.parquet")), loaded)) == 2
-
-
 def test_the_height_of_the_tip_is_that_of_drakes_kinematics() -> None:
     rng = np.random.default_rng(5)
     angles = {name: rng.uniform(-1.0, 1.0, 4) for name in "abcde"}
@@ -165,40 +122,3 @@ def test_the_height_of_the_tip_is_that_of_drakes_kinematics() -> None:
         assert_allclose(height, pose.translation()[2], rtol=0, atol=1e-12)
     with pytest.raises(LogError, match="no link 'gripper_frame_link'"):
         tip_height('<robot name="r"><link name="base_link"/></robot>', angles, "small.urdf")
-
-
-def test_so101_reads_commands_and_locks_the_jaw(tmp_path: Path) -> None:
-    source, out = tmp_path / "set", tmp_path / "out"
-    source.mkdir()
-    names = ["shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll", "gripper"]
-    write_urdf(source / "so101_new_calib.urdf", names)
-    columns = [f"{key}_{i}" for key in ("cmd", "pos", "vel", "cur") for i in range(1, 7)]
-    table = write_run(source / "sweep.csv", columns, np.random.default_rng(3))
-    rig_file, free = IMPORTERS["so101"](source, out)
-    rig = load_rig(rig_file)
-    assert rig.joints == tuple(names[:5]) and set(rig.drive.values()) == {"position_servo"}
-    assert load_robot(out / "robot.yaml").locked == {"gripper": 0.0}
-    # README of the set: 7.7 N m/rad by the proportional law
-    assert_allclose(1.0 / rig.drive_gain["elbow_flex"], 7.7, rtol=0.01)
-    log = pd.read_parquet(out / "sweep.parquet")
-    assert_allclose(log["wrist_roll/position_command"], table["cmd_5"], rtol=0)
-    height = tip_height(urdf_of(names), {joint: log[f"{joint}/position"].to_numpy() for joint in names[:5]}, "")
-    assert load_rig(free).valid == (Condition("tip_height", ">", -0.02),)
-    assert_allclose(log["tip_height"], height, atol=1e-12)
-
-
-def test_go2_makes_its_robot_from_the_mjcf(tmp_path: Path) -> None:
-    source, out = tmp_path / "set", tmp_path / "out"
-    source.mkdir()
-    (source / "go2.xml").write_text(MJCF)
-    columns = [f"{key}_{joint}" for key in ("q", "q_cmd") for joint in "abc"]
-    table = write_run(source / "traj_0.csv", columns, np.random.default_rng(4))
-    (rig_file,) = IMPORTERS["go2"](source, out)
-    rig = load_rig(rig_file)
-    assert rig.joints == ("a", "b", "c") and load_robot(out / "robot.yaml").joints == rig.joints
-    assert_allclose(list(rig.drive_gain.values()), 1.0 / 20.0, rtol=1e-12)  # README: Kp = 20 N m/rad
-    log = pd.read_parquet(out / "traj_0.parquet")
-    assert_allclose(log["b/position_command"], table["q_cmd_b"], rtol=0)
-    (source / "traj_0.csv").write_text("time,q_a\n0,1\n")
-    with pytest.raises(LogError, match="no column 'q_cmd_a'"):
-        IMPORTERS["go2"](source, out)
