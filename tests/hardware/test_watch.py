@@ -28,7 +28,7 @@ from tests.hardware.test_loop import ROBOT, Steps
 
 SPEC = TorqueLoopSpec(dt=1e-3, tare=0.0)
 QUICK = RealTimeSpec(arm_time=0.0, stop_time=0.02, guard=GuardSpec(start_time=0.0, offset_limit=0.5, rate_limit=50.0))
-SECONDS = 6.5
+SECONDS = 7.5
 
 
 def swinging():
@@ -72,7 +72,7 @@ def test_a_sound_run_names_nothing_and_a_weaker_motor_is_named_with_its_joint(he
     assert watched_run(ModelWatch(controller, health), controller, seconds=3.0).watch["events"] == []
     controller = swinging()
     watch = ModelWatch(controller, health)
-    report = watched_run(watch, controller, {"r_knee": 1.0 / 0.85}, 3.5)
+    report = watched_run(watch, controller, {"r_knee": 1.0 / 0.85}, 4.0)
     document = json.loads(json.dumps(report.to_json()))["watch"]
     assert {event["joint"] for event in document["events"]} == {"r_knee"}
     assert document["events"][0]["begin"] < 3.0
