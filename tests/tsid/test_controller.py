@@ -140,14 +140,6 @@ def test_the_torque_of_a_tick_sees_the_state_of_that_tick_and_is_held_until_the_
     assert np.abs(fresh["torque"] - first["torque"]).max() > 0.1
 
 
-def test_after_the_update_the_outputs_of_the_tick_stay(system, law):
-    context = at(system, state_of(law, np.random.default_rng(4)))
-    before = outputs(system, context)
-    context.SetDiscreteState(system.EvalUniquePeriodicDiscreteUpdate(context))
-    for name, value in outputs(system, context).items():
-        assert_array_equal(value, before[name])
-
-
 @pytest.mark.parametrize("measure", ["classic", "individual", "box"])
 def test_a_warm_start_changes_the_work_not_the_answer(measure):
     law = load_law(FILE, {"formulation": {"measure": measure}})
@@ -207,18 +199,6 @@ def test_a_diagram_runs_in_two_contexts_at_once(system, law):
             assert_array_equal(tick(system, context)["torque"], alone[which][step])
 
 
-def test_a_copied_context_goes_on_as_its_original(system, law):
-    rng = np.random.default_rng(8)
-    context = at(system, state_of(law, rng))
-    tick(system, context)
-    copy, state = context.Clone(), state_of(law, rng)
-    for each in (context, copy):
-        system.GetInputPort("estimated_state").FixValue(each, state)
-    found, again = tick(system, context), tick(system, copy)
-    for name in OUTPUTS:
-        assert_array_equal(found[name], again[name])
-
-
 BAD_STATES = {
     "nan": lambda state: np.where(np.arange(state.size) == 20, np.nan, state),
     "infinite": lambda state: np.where(np.arange(state.size) == 40, np.inf, state),
@@ -272,14 +252,6 @@ def test_stretched_legs_are_no_end(system, law):
     assert all(np.isfinite(value).all() for value in found.values())
     assert found["status"][Status.OUTCOME] == 0.0
     assert_allclose(found["contact_force"][[2, 8]].sum(), 569.0, rtol=0.2)
-
-
-def test_a_lost_state_fades_the_torque(system, law):
-    context = at(system, state_of(law))
-    good = tick(system, context)
-    system.GetInputPort("estimated_state").FixValue(context, np.full(73, np.nan))
-    for n in range(1, 4):
-        assert_allclose(tick(system, context)["torque"], good["torque"] * np.exp(-n * 1e-3 / 0.1), rtol=1e-12)
 
 
 @pytest.mark.parametrize("port", ["com_reference", "posture_reference", "force_reference"])

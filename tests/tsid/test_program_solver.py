@@ -1,11 +1,13 @@
 """`solver: program`: the tick as a MathematicalProgram, and the fast path held against it."""
 
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from sweeps import slow_but
 
 import drake_tc.models
 from drake_tc.errors import ParamsError
@@ -19,6 +21,7 @@ from drake_tc.tsid.tick import TickInput, problem_at, solve_tick
 
 FILE = Path(drake_tc.models.__file__).parent / "hrp2_like" / "hrp2_like_tsid.yaml"
 BOTH = (True, True)
+MEASURES = ("classic", "individual", "box", "rectangle")
 CLASSIC = {"measure": "classic", "use": None, "weight": None}
 
 
@@ -51,8 +54,9 @@ def by_kernels(law, problem):
     return law.formulation.solve(problem.reduced.cost, problem.reduced.polytope, law.error, law.solver)
 
 
-@pytest.mark.parametrize("measure", ["classic", "individual", "box", "rectangle"])
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(
+    ("measure", "seed"), slow_but(product(MEASURES, range(3)), *((measure, 0) for measure in MEASURES))
+)
 def test_the_fast_path_is_as_good_as_drakes_solvers(law, measure, seed):
     """Both minimise J + w R (of the box: J - w s); neither value may be larger than the other's accuracy."""
     this = of(law, measure, 1.0 if measure == "box" else 1e-3)
