@@ -183,13 +183,24 @@ class JointModel:
             mean = 0.0  # the mean over the hold is taken already
         lag, unknown = SERVO_LAG_S if drive == "position_servo" else DRIVE_LAG_S
         if drive == "position_servo":
-            out = {"command": (mean, spread), "inside": (lag, unknown), "rate": (lag, unknown)}
+            half = 0.5 * self._averaged
+            out = {
+                "command": (mean, spread),
+                "inside": (lag, unknown),
+                "rate": (lag + half, float(np.hypot(unknown, half))),
+            }
         else:
             out = {"effort": (mean + lag, float(np.hypot(spread, unknown)))}
         if self.context.load == "torque":
             out["torque"] = (0.0, UNIFORM * samples.torque_period)
         out["position"] = (0.0, UNIFORM * samples.signals.period)
         return out
+
+    @property
+    def _averaged(self) -> float:
+        """Lag of a servo's damping [s] that looks like a position averaged over its period T, q + T^2/24 qddot."""
+        damping = self.gain * self.viscous
+        return self.train.samples.signals.period**2 / (24.0 * damping) if damping > 0.0 else 0.0
 
     def against_position(self, channel: str) -> FloatArray:
         """(a,) weights of the ages in the age of a channel against the position."""

@@ -14,7 +14,7 @@ from drake_tc.diagnosis.diagnose import joint_model
 from drake_tc.diagnosis.evidence import Evidence, Scored
 from drake_tc.diagnosis.linear import Posterior
 from drake_tc.diagnosis.model import JointModel
-from drake_tc.diagnosis.priors import LATE, LATE_S
+from drake_tc.diagnosis.priors import LATE, LATE_S, SERVO_LAG_S
 from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.diagnosis.problem.prepared import prepare_joint
 from drake_tc.diagnosis.search import equally_noisy
@@ -69,6 +69,31 @@ def test_a_late_record_changes_the_residual_by_its_age_s_column(late: str, chann
     own, column = (left[1] - left[0])[both, 0], left[1][both, 1]
     assert abs(np.corrcoef(own, column)[0, 1]) > 0.99
     assert own @ column / (column @ column) == pytest.approx(age, rel=0.05)
+
+
+def test_an_averaged_position_is_a_lag_of_the_damping_that_its_prior_holds() -> None:
+    """The mean of q over a period T is q + T^2/24 qddot, which the age of the rate leaves open."""
+    joint = replace(SERVO, torque_noise=0.0, encoder_noise=0.0, period=0.01)
+    left, models = [], []
+    for share in (0.0, 1.0):
+        run, m = record(joint, "run", 0.4, 0), motion(joint, 0.4)
+        mean = m.q + share * joint.period**2 / 24.0 * m.a
+        columns = {**run.columns, "joint/position": mean}
+        model = joint_model(prepare_joint([replace(run, columns=columns)], [run], rig_of(joint), "joint"))
+        models.append(model)
+        columns = np.concatenate([b.values for b in model.blocks(model.train, model.declared)], axis=1)
+        own = model.train.recorded.effort(()) - columns @ (joint.gain * np.array([1.0, joint.viscous, joint.coulomb]))
+        rate = model.train.age_columns(model.ages, joint.viscous)[:, list(model.ages).index("rate")]
+        of_rows = np.full((len(model.train.samples.signals), 2), np.nan)
+        of_rows[model.train.samples.rows] = np.stack([own, rate], axis=1)
+        left.append(of_rows)
+    both = np.isfinite(left[0][:, 0]) & np.isfinite(left[1][:, 0])
+    change, rate = (left[1] - left[0])[both, 0], left[1][both, 1]
+    age = float(change @ rate / (rate @ rate))
+    assert age == pytest.approx(joint.period**2 / 24.0 / (joint.gain * joint.viscous), rel=0.1)
+    mean, deviation = models[1].ages["rate"]
+    assert abs(mean - SERVO_LAG_S[0] - 0.5 * age) < 0.1 * age
+    assert deviation == pytest.approx(np.hypot(SERVO_LAG_S[1], 0.5 * age), rel=0.05)
 
 
 def under(evidence: Evidence, scored: Scored, channel: str, late: float) -> Scored:
