@@ -216,6 +216,11 @@ def unexplained(joint: JointResult) -> str:
             where = "the training runs or on one of the held-out runs" if several else "the training runs"
             elsewhere = f" ({significant(left.floors_anywhere, 2)} times on {where})"
         causes = NO_CAUSE_OF_AN_ARM if joint.links_fitted else NO_CAUSE
+        if _is_function(left):
+            causes = (
+                f"Recorded signals predict {percent(left.fraction)} of its variance, but this part is too small to "
+                "count as structure"
+            )
         if left.beyond is not None:
             causes = capital(_extrapolated(left.beyond, joint.units))
         return (

@@ -102,6 +102,9 @@ def test_more_than_noise_says_how_many_floors_and_which_share(joint, found):
     assert ("However, the remaining error" in said) == found
     assert (" The remaining error" in said) != found
     assert said.endswith("sensor.")
+    predicted = replace(loud, unexplained=replace(left, fraction=0.93))
+    assert "does not depend" not in headline(predicted)
+    assert "Recorded signals predict 93 % of its variance, but" in plain(headline(predicted))
     assert ".." not in said
 
 
