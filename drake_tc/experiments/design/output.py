@@ -25,7 +25,7 @@ from drake_tc.experiments.design.criteria import Expected
 from drake_tc.experiments.design.motions import JointLimits
 from drake_tc.experiments.design.robot import RobotDesign
 from drake_tc.experiments.design.run import JointDesign
-from drake_tc.report.numbers import significant
+from drake_tc.report.numbers import pretty_unit, significant
 from drake_tc.report.pages import PageSection, PageTable, plain_page
 from drake_tc.report.plots.svg import BACKWARD, FORWARD, new_figure, page_style, to_svg
 from drake_tc.types import FloatArray
@@ -193,7 +193,7 @@ def design_page(designs: Mapping[str, JointDesign]) -> str:
 def expected_table(expected: Sequence[Expected], columns: Mapping[str, Sequence[float]]) -> PageTable:
     """The quantities with their units and values, by heading."""
     rows = [
-        (each.name, each.unit.removesuffix("-"), *map(number_text, values))
+        (each.name, pretty_unit(each.unit), *map(number_text, values))
         for each, *values in zip(expected, *columns.values(), strict=True)
     ]
     return PageTable(("quantity", "unit", *columns), rows, tuple(columns))
@@ -202,17 +202,13 @@ def expected_table(expected: Sequence[Expected], columns: Mapping[str, Sequence[
 def start_text(design: JointDesign) -> str:
     """Where the motion begins and how long it lasts."""
     time, motion = design.motion(100.0)
+    start = f"{significant(float(motion[0, 0]), 4)} {design.limits.units.position}"
+    told = f"Move the joint to {start} and let it rest. The motion begins and ends at rest and lasts {time[-1]:.4g} s"
+    limits = "Dashed lines are the limits of the joint."
     if design.sinusoid is not None:
-        return (
-            f"Move the joint to {motion[0, 0]:.4g} {design.limits.units.position} and let it rest. The motion begins "
-            f"and ends at rest and lasts {time[-1]:.4g} s."
-        )
+        return f"{told}. {limits}"
     periods = "one period" if design.repeats == 1 else f"{design.repeats} periods"
-    return (
-        f"Move the joint to {motion[0, 0]:.4g} {design.limits.units.position} and let it rest. The motion begins and "
-        f"ends at rest and lasts {time[-1]:.4g} s: {periods} of {design.basis.period:.4g} s, with a lead-in and a "
-        "lead-out."
-    )
+    return f"{told}: {periods} of {design.basis.period:.4g} s, with a lead-in and a lead-out. {limits}"
 
 
 def number_text(value: float) -> str:
