@@ -154,8 +154,9 @@ def shares(motion: Motion, t):
     return np.column_stack([left, 1.0 - left])
 
 
+@lru_cache(maxsize=4)
 def construct(motion: Motion, noise: Noise = Noise(), seed: int = 0) -> Constructed:
-    """Sensors and truth along a motion."""
+    """Sensors and truth along a motion; the same object for the same motion."""
     robot = walker()
     plant: Any = make_plant(robot, 0.0)
     context = plant.CreateDefaultContext()

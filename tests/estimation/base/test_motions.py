@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from sweeps import slow_but
 
 from drake_tc.estimation.base_estimator import CopEstimator, FootCentreEstimator, FootCentreImuEstimator
 from drake_tc.estimation.base_log import run_log, track_error
@@ -49,6 +50,7 @@ def test_without_noise_the_truth_is_found(clean):
     assert_allclose(loaded, clean.cop[5:], atol=2e-3)
 
 
+@pytest.mark.slow
 def test_the_foot_centre_chain_is_exact_while_feet_stand():
     """The baseline is no straw man: with feet that stay flat it is as good as its sensors."""
     made = construct(motion(tilt=0.0, pivot=0.0, cop=0.0))
@@ -58,6 +60,7 @@ def test_the_foot_centre_chain_is_exact_while_feet_stand():
     assert_allclose(track.velocity[5:], made.truth.velocity[5:], atol=1e-4)
 
 
+@pytest.mark.slow
 def test_the_chain_with_the_imu_is_exact_while_feet_stand_and_knows_a_tilt_that_the_chain_alone_does_not():
     """Without noise; the IMU's roll and pitch are those of the base whatever the feet do."""
     made = construct(motion(tilt=0.0, pivot=0.0, cop=0.0))
@@ -72,13 +75,14 @@ def test_the_chain_with_the_imu_is_exact_while_feet_stand_and_knows_a_tilt_that_
     assert_allclose(imu[2], plain[2], atol=5e-3)
 
 
-@pytest.mark.parametrize("frequency", [0.5, 1.0])
+@pytest.mark.parametrize("frequency", slow_but((0.5, 1.0), 0.5))
 def test_a_fifth_of_the_baselines_errors_in_a_turn(frequency, noisy):
     made = noisy if frequency == 0.5 else construct(motion(frequency=frequency), REAL, seed=2)
     ours, base = size(estimated(made)[1]), size(estimated(made, FootCentreEstimator)[1])
     assert (ours <= 0.2 * base).all(), ours / base
 
 
+@pytest.mark.slow
 def test_the_reference_rolls_with_the_foot():
     """The centre of pressure moves over a foot that has turned since it came down."""
     made = construct(motion(pivot=0.15, duration=2.5))
@@ -87,6 +91,7 @@ def test_the_reference_rolls_with_the_foot():
     assert rolling[0] < 0.2 * fixed[0]
 
 
+@pytest.mark.slow
 def test_feet_that_keep_turning_one_way_do_not_turn_the_world():
     made = construct(motion(creep=0.08), REAL, seed=3)
     ours, base = estimated(made)[1], estimated(made, FootCentreEstimator)[1]
@@ -94,7 +99,7 @@ def test_feet_that_keep_turning_one_way_do_not_turn_the_world():
     assert (size(ours) <= 0.2 * size(base)).all()
 
 
-@pytest.mark.parametrize("speed", [0.1, 0.3])
+@pytest.mark.parametrize("speed", slow_but((0.1, 0.3), 0.1))
 def test_a_sliding_foot_is_left_out(speed):
     made = construct(motion(slip=(0, 1.8, 2.1, (speed, 0.3 * speed, 0.0)), duration=2.6), REAL, seed=4)
     track, error = estimated(made)
@@ -106,6 +111,7 @@ def test_a_sliding_foot_is_left_out(speed):
     assert size(error)[0] < 0.2 * blind[0]
 
 
+@pytest.mark.slow
 def test_a_foot_that_slides_too_slowly_to_be_seen_costs_little():
     made = construct(motion(slip=(0, 1.5, 2.5, (0.03, 0.0, 0.0))), REAL, seed=5)
     track, error = estimated(made)
