@@ -19,7 +19,7 @@ import numpy as np
 from drake_tc.control.rotation import rotation_matrix, rotation_vector
 from drake_tc.errors import ParamsError
 from drake_tc.kernels.calls import SWING, KernelCall
-from drake_tc.kernels.instant import Quadruple, Triple, orientation_row, step_at, swinging, unit
+from drake_tc.kernels.equations import Quadruple, Triple, orientation_row, step_at, swinging, unit
 from drake_tc.types import Call, FloatArray
 
 

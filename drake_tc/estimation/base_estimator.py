@@ -38,17 +38,7 @@ from daqp import solve  # type: ignore[import-not-found, import-untyped, unused-
 
 from drake_tc.array_stage import Arrays, ArrayStage, StageSystem, places
 from drake_tc.errors import ParamsError
-from drake_tc.estimation.base_kinematics import (
-    CONTACT_FLAGS,
-    FLAGS,
-    BaseKinematics,
-    BaseState,
-    Sample,
-    initial_state,
-    packed,
-    place_of,
-    unpacked,
-)
+from drake_tc.estimation import base_kinematics as base
 from drake_tc.estimation.base_rig import BaseEstimatorSpec, ContactSpec, Point2, half_planes
 from drake_tc.kernels.calls import BASE_OUTPUTS, Kernel, KernelCall, copying
 from drake_tc.robot.robot import Robot
@@ -241,7 +231,7 @@ class OnKinematics(ABC):
             ParamsError: what robot and contacts lack, or a sole that is not convex.
         """
         self.spec = spec
-        self.kinematics = BaseKinematics(robot, spec.contacts)
+        self.kinematics = base.BaseKinematics(robot, spec.contacts)
         self.num_joints, self.num_contacts = len(robot.joints), len(spec.contacts)
         self._limits = soles_of(spec.contacts)
         soft = [soft_sole(contact) for contact in spec.contacts]
@@ -255,7 +245,7 @@ class OnKinematics(ABC):
         self._fixed = (self.options, self.soles, self.tables, *known)
 
     @abstractmethod
-    def advance(self, state: FloatArray, sample: Sample, after: FloatArray) -> None:
+    def advance(self, state: FloatArray, sample: base.Sample, after: FloatArray) -> None:
         """Write the packed state after one sample into `after`; it never holds a NaN but an unknown ground.
 
         Args:
@@ -264,16 +254,16 @@ class OnKinematics(ABC):
             after: (s,).
         """
 
-    def step(self, state: BaseState, sample: Sample) -> BaseState:
+    def step(self, state: base.BaseState, sample: base.Sample) -> base.BaseState:
         """The state after one sample; never raises."""
-        before = packed(state)
+        before = base.packed(state)
         after = np.empty_like(before)
         self.advance(before, sample, after)
-        return unpacked(after, self.num_joints, self.num_contacts)
+        return base.unpacked(after, self.num_joints, self.num_contacts)
 
-    def initial_state(self, position: FloatArray, yaw: float) -> BaseState:
+    def initial_state(self, position: FloatArray, yaw: float) -> base.BaseState:
         """Before the first tick, with the base at `position` (3,) [m] and `yaw` [rad]."""
-        return initial_state(self.kinematics.robot.posture, self.num_contacts, position, yaw)
+        return base.initial_state(self.kinematics.robot.posture, self.num_contacts, position, yaw)
 
 
 def _options(spec: BaseEstimatorSpec, weight: float, *, any_soft: bool) -> FloatArray:
@@ -308,7 +298,7 @@ class CopEstimator(OnKinematics):
         k = self.num_contacts
         self._unsolved, self._program_size = np.zeros(4 + 3 * k), 5 + 13 * k
 
-    def advance(self, state: FloatArray, sample: Sample, after: FloatArray) -> None:
+    def advance(self, state: FloatArray, sample: base.Sample, after: FloatArray) -> None:
         """As `OnKinematics.advance`; where a centre of pressure ends at its sole's edge, with a quadratic program."""
         program, given = np.empty(self._program_size), (state, tuple(sample), self._fixed)
         if not _TICK(*given, (self._unsolved, program), after):
@@ -328,7 +318,7 @@ class FootCentreEstimator(OnKinematics):
 
     by_imu: ClassVar[bool] = False
 
-    def advance(self, state: FloatArray, sample: Sample, after: FloatArray) -> None:
+    def advance(self, state: FloatArray, sample: base.Sample, after: FloatArray) -> None:
         """As `OnKinematics.advance`."""
         _CHAIN_TICK(state, tuple(sample), self._fixed, self.by_imu, after)
 
@@ -349,7 +339,7 @@ METHODS: dict[str, type[CopEstimator] | type[FootCentreEstimator]] = {
 }
 
 
-_OUTPUTS = Kernel("base.outputs", "outputs")
+_OUTPUTS = Kernel("base.pose", "outputs")
 
 
 class BaseEstimator(StageSystem):
@@ -402,7 +392,7 @@ class BaseEstimator(StageSystem):
         heading = start.rpy[2] if yaw is None else float(yaw)
         if place.shape != (3,) or not (np.isfinite(place).all() and np.isfinite(heading)):
             raise ParamsError(f"BaseEstimator: expected a finite start, got position {place.tolist()}, yaw {heading}")
-        self._start, self._dt = packed(self._estimator.initial_state(place, heading)), spec.period
+        self._start, self._dt = base.packed(self._estimator.initial_state(place, heading)), spec.period
         self._order = np.array(self._estimator.kinematics.order, dtype=np.int64)
         joints = {"position": n, "velocity": n}
         self._declare({**joints, "imu": 6, "imu_tilt": 2, "wrench": 6 * k, "contact_switch": k})
@@ -411,17 +401,17 @@ class BaseEstimator(StageSystem):
     def flag_names(self) -> tuple[str, ...]:
         """Names of `status`: those of the whole, then `<contact>/<flag>`."""
         contacts = self._estimator.spec.contacts
-        return (*FLAGS, *(f"{contact.mount.name}/{flag}" for contact in contacts for flag in CONTACT_FLAGS))
+        return (*base.FLAGS, *(f"{contact.mount.name}/{flag}" for contact in contacts for flag in base.CONTACT_FLAGS))
 
-    def base_state(self, context: Any) -> BaseState:
+    def base_state(self, context: Any) -> base.BaseState:
         """All that is remembered."""
         self.ValidateContext(context)
-        return unpacked(np.array(context.get_discrete_state(self._memory).value()), self._n, self._k)
+        return base.unpacked(np.array(context.get_discrete_state(self._memory).value()), self._n, self._k)
 
     def on_arrays(self) -> ArrayStage:
         """This stage without its ports."""
         n, k = self._n, self._k
-        cop, flags = place_of("pressure", n, k), slice(place_of("flags", n, k).start, None)
+        cop, flags = base.place_of("pressure", n, k), slice(base.place_of("flags", n, k).start, None)
         shown = 14 + 2 * n + self._estimator.kinematics.state_size
         absent = {"imu_tilt": np.full(2, np.nan), "contact_switch": np.zeros(k)}
         names = ("position", "velocity", "imu", "imu_tilt", "wrench", "contact_switch")
@@ -431,7 +421,7 @@ class BaseEstimator(StageSystem):
             given = absent | {
                 name: arrays.inputs[name] for name in names if name not in absent or name in arrays.inputs
             }
-            sample, before, after = Sample(*(given[name] for name in names)), arrays.before, arrays.after
+            sample, before, after = base.Sample(*(given[name] for name in names)), arrays.before, arrays.after
             whole, pressure, status = np.split(arrays.out, ends[:2])
 
             def show(time: float) -> None:

@@ -544,11 +544,7 @@ def evaluate_log(
 
 
 def _estimators(rig: BaseRig, period: float) -> dict[str, CopEstimator | FootCentreEstimator]:
-    """The estimator and its baseline, by name.
-
-    Raises:
-        RigError: contacts that do not fit the robot; names the rig file.
-    """
+    """The estimator and its baseline, by name."""
     spec = rig.spec(period)
     try:
         return {

@@ -58,9 +58,6 @@ class JointInertia:
     def __init__(self, robot: Robot) -> None:
         """Build the model, without rotors: those belong to the drives.
 
-        Args:
-            robot: Fixed or floating.
-
         Raises:
             ParamsError: the URDF cannot be read.
         """

@@ -44,11 +44,7 @@ class JointTorqueEstimator(StageSystem):
     """
 
     def __init__(self, model: TorqueModel) -> None:
-        """Declare the ports.
-
-        Args:
-            model: The kernel, for one robot.
-        """
+        """Declare the ports."""
         super().__init__()
         self._model = model
         n, k = model.size, model.num_sensors

@@ -240,12 +240,7 @@ class BaseMotion:
     """Angular velocity, angular and proper acceleration of the base, in base axes, from one IMU."""
 
     def __init__(self, model: EstimationPlant, imu: Frame) -> None:
-        """Precompute what is constant.
-
-        Args:
-            model: The estimation plant.
-            imu: I, a frame of its plant.
-        """
+        """Precompute what is constant."""
         plant: Any = model.plant
         self._plant, self._imu, self._world = plant, imu, plant.world_frame()
         self._joints, self._moves = model.velocity_index, model.moves

@@ -61,13 +61,7 @@ class KernelCall:
     """
 
     def __init__(self, kind: int, call: Call, *arguments: Any) -> None:
-        """Keep the arguments, so that their addresses stay valid.
-
-        Args:
-            kind: Of the call in a sequence.
-            call: Calls the same kernel from Python.
-            arguments: Arguments of the kernel.
-        """
+        """Keep the arguments, so that their addresses stay valid."""
         self.kind, self._call = kind, call
         self.arguments = tuple(_array(argument) for argument in arguments)
 

@@ -97,12 +97,7 @@ def kernel(*arguments: Any) -> Callable[[F], F]:
 
 
 def sources_of(module: str, folder: Path = _SOURCES) -> tuple[Path, ...]:
-    """The files that a module of compiled functions is made of: its own and, in turn, those that it imports from here.
-
-    Args:
-        module: Name, without the package's.
-        folder: Of the modules.
-    """
+    """The files that a module of compiled functions is made of: its own and, in turn, those that it imports."""
     found: dict[str, Path] = {}
     left = [module]
     while left:
@@ -141,9 +136,6 @@ def _is_text(statement: ast.stmt) -> bool:
 @cache
 def cache_folder(module: str) -> Path | None:
     """Where machine code is kept: `$NUMBA_CACHE_DIR`, else `$XDG_CACHE_HOME/drake_tc` or `~/.cache/drake_tc`.
-
-    Args:
-        module: Of the compiled functions.
 
     Returns:
         The folder of these sources below it; None where it cannot be written, or where a source was edited since this

@@ -13,9 +13,9 @@ import numpy as np
 from numba.core import types as numba_types
 from numba.extending import intrinsic
 
-from drake_tc.kernels import instant
+from drake_tc.kernels import equations
 from drake_tc.kernels.actuator import advance, motors
-from drake_tc.kernels.base.outputs import outputs
+from drake_tc.kernels.base.pose import outputs
 from drake_tc.kernels.calls import (
     ABOVE,
     ADD,
@@ -53,7 +53,7 @@ from drake_tc.kernels.series_elastic import law
 from drake_tc.kernels.torque_control import solve
 from drake_tc.types import FloatArray, IntArray
 
-_step_at, _swinging, _turned = helper(instant.step_at), helper(instant.swinging), helper(instant.turned)
+_step_at, _swinging, _turned = helper(equations.step_at), helper(equations.swinging), helper(equations.turned)
 
 
 @kernel(REAL, VECTOR, OUT_VECTOR)

@@ -116,9 +116,6 @@ class RobustTsid(StageSystem):
     def last_error(self, context: Context) -> Exception | None:
         """The last exception of a task or limit in this context; None where there was none.
 
-        Args:
-            context: Of this system.
-
         Raises:
             RuntimeError: `context` is not this system's, for example because `fuse` has removed the system.
         """

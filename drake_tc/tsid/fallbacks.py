@@ -50,12 +50,7 @@ class Standing(NamedTuple):
 
 
 def standing_contacts(terms: Terms, active: tuple[bool, ...]) -> Standing:
-    """The contacts that do not move.
-
-    Args:
-        terms: At the state, with these contacts.
-        active: One a contact of the model.
-    """
+    """The contacts that do not move."""
     moves = iter(_moving(terms))
     kept = tuple(carries and not next(moves) for carries in active)
     return Standing(kept, sum(active) - sum(kept))

@@ -80,13 +80,7 @@ def _definer(item: Any, name: str) -> Any:
 
 
 def tables_of(tasks: Sequence[Any], limits: Sequence[Any], contacts: ActiveContacts) -> Tables:
-    """Numbers of all tasks and limits.
-
-    Args:
-        tasks: Of the law.
-        limits: In the order of their rows.
-        contacts: That carry.
-    """
+    """Numbers of all tasks and limits."""
     integers: list[IntArray] = []
     numbers: list[FloatArray] = []
     free_tasks, free_limits = [], []

@@ -29,11 +29,11 @@ from drake_tc.tsid.robust.scaled import TorqueError
 from drake_tc.tsid.rows import Limit, LimitRows, Parts, Task, TaskRows, Terms
 from drake_tc.types import FloatArray
 
-_SIZE, _PACK, _UNPACK = (Kernel("tsid.warm_start", name) for name in ("size", "pack", "unpack"))
+_SIZE, _PACK, _UNPACK = (Kernel("tsid.active_set", name) for name in ("size", "pack", "unpack"))
 
 
 class WarmStart:
-    """A `Start` as the numbers that `drake_tc.kernels.tsid.warm_start` lays out, and back."""
+    """A `Start` as the numbers that `drake_tc.kernels.tsid.active_set` lays out, and back."""
 
     def __init__(self, joints: int) -> None:
         """Lay it out for n joints."""

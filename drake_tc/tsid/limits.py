@@ -175,11 +175,7 @@ class Viability:
     """
 
     def __init__(self, limits: JointRange) -> None:
-        """Keep the constants.
-
-        Args:
-            limits: Of n joints.
-        """
+        """Keep the constants."""
         ends = limits.lower, limits.upper, limits.velocity_lower, limits.velocity_upper, limits.acceleration
         self._limits = *ends, np.concatenate(_braking(limits)), limits.period
         self._all = np.arange(len(limits.joints))

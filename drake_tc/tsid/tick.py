@@ -22,18 +22,9 @@ import numpy as np
 
 from drake_tc.errors import SimulationError
 from drake_tc.kernels.calls import Kernel
+from drake_tc.tsid import fallbacks
 from drake_tc.tsid.assembly import AffineMap, Reduced, names_of, reduce
 from drake_tc.tsid.contacts import ActiveContacts
-from drake_tc.tsid.fallbacks import (
-    START,
-    Standing,
-    damped_torque,
-    diagnose,
-    falling_share,
-    safe_torque,
-    standing_contacts,
-    terms_at,
-)
 from drake_tc.tsid.fused import LARGEST, LOST, NO_POSE, NO_ROWS, ProgramResult, WrittenRows
 from drake_tc.tsid.law import Law, PreviousTick, Status
 from drake_tc.tsid.model import Scratch
@@ -108,14 +99,7 @@ class TickProblem(NamedTuple):
 
 
 def solve_tick(law: Law, scratch: Scratch, now: TickInput, before: PreviousTick) -> Tick:
-    """One tick; never raises on numbers.
-
-    Args:
-        law: What to solve.
-        scratch: Of the model.
-        now: State, references and contacts.
-        before: The last tick.
-    """
+    """One tick; never raises on numbers."""
     memory = law.memory
     after = np.empty(memory.size)
     error = advance_tick(law, scratch, now, memory.packed(before), after)
@@ -146,16 +130,16 @@ def advance_tick(law: Law, scratch: Scratch, now: TickInput, before: FloatArray,
     unsolved = status[Status.OUTCOME] in (Outcome.INFEASIBLE, Outcome.FAILED)
     if falling > 0.0 or unsolved:
         status[Status.DROPPED] = dropped
-        status[Status.FALLING] = falling_share(falling, law.period, unsolved=bool(unsolved) or dropped > 0)
+        status[Status.FALLING] = fallbacks.falling_share(falling, law.period, unsolved=bool(unsolved) or dropped > 0)
         _damp(law, scratch, now.state, now.active, after)
     return error
 
 
-def _still_standing(law: Law, scratch: Scratch, state: FloatArray, active: tuple[bool, ...]) -> Standing:
+def _still_standing(law: Law, scratch: Scratch, state: FloatArray, active: tuple[bool, ...]) -> fallbacks.Standing:
     """The contacts on which a robot that may be falling stands; those that are told where its state is lost."""
     if not np.abs(state).max() < LARGEST:
-        return Standing(active, 0)
-    return standing_contacts(terms_at(law.model, scratch, state, active), active)
+        return fallbacks.Standing(active, 0)
+    return fallbacks.standing_contacts(fallbacks.terms_at(law.model, scratch, state, active), active)
 
 
 def _damp(law: Law, scratch: Scratch, state: FloatArray, active: tuple[bool, ...], after: FloatArray) -> None:
@@ -163,9 +147,11 @@ def _damp(law: Law, scratch: Scratch, state: FloatArray, active: tuple[bool, ...
     memory = law.memory
     torque, status = (after[memory.places[name]] for name in ("torque", "status"))
     share = float(status[Status.FALLING])
-    if share <= START or not np.abs(state).max() < LARGEST:
+    if share <= fallbacks.START or not np.abs(state).max() < LARGEST:
         return
-    damped = damped_torque(terms_at(law.model, scratch, state, active), torque, share, law.fallback_damping, law.period)
+    damped = fallbacks.damped_torque(
+        fallbacks.terms_at(law.model, scratch, state, active), torque, share, law.fallback_damping, law.period
+    )
     if np.isfinite(damped).all():
         torque[:], status[Status.FALLBACK] = damped, 1.0
 
@@ -281,11 +267,11 @@ def _given_way(law: Law, problem: TickProblem, solution: RobustSolution, before:
     _check_rows(problem)
     terms, polytope = problem.terms, problem.reduced.polytope
     lower, upper = polytope.lower[: polytope.bounds], polytope.upper[: polytope.bounds]
-    torque = safe_torque(terms, law.fallback_damping, *((lower, upper) if polytope.bounds else ()))
+    torque = fallbacks.safe_torque(terms, law.fallback_damping, *((lower, upper) if polytope.bounds else ()))
     relaxed = _relaxed(problem)
     status = np.array([solution.outcome, 1.0, solution.iterations, 0.0, 0.0, -1.0, 0.0, relaxed, 0.0, 0.0, 0.0])
     if solution.outcome is Outcome.INFEASIBLE:
-        found = diagnose(polytope, solver=law.solver, centre=torque)
+        found = fallbacks.diagnose(polytope, solver=law.solver, centre=torque)
         if found.outcome is Outcome.SOLVED:
             torque = np.clip(found.torque, lower, upper) if polytope.bounds else found.torque
         if found.rows.size:
@@ -298,11 +284,7 @@ def _given_way(law: Law, problem: TickProblem, solution: RobustSolution, before:
 
 
 def _check_rows(problem: TickProblem) -> None:
-    """Rows of tasks and limits are numbers, at a state that is.
-
-    Raises:
-        SimulationError: others, of a task or limit of the user's own; names it.
-    """
+    """Rows of tasks and limits are numbers, at a state that is."""
     if not np.isfinite(problem.terms.mass_matrix).all():
         return
     for task in problem.tasks:

@@ -173,7 +173,7 @@ def test_a_loop_compiles_nothing_again(name, humanoid_ticks):
 
 @NEEDS_COMPILER
 def test_the_series_elastic_loop_compiles_nothing_again(series_elastic_ticks):
-    names = [("base.tick", "tick"), ("base.chain", "tick"), ("base.outputs", "outputs"), ("joint_voting", "vote")]
+    names = [("base.tick", "tick"), ("base.chain", "tick"), ("base.pose", "outputs"), ("joint_voting", "vote")]
     names += [("series_elastic", "law"), ("sensors", "imu"), ("sensors", "wrenches")]
     assert series_elastic_ticks.solved
     assert {name: len(Kernel(*name).entry().signatures) for name in names} == dict.fromkeys(names, 1)

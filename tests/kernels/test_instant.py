@@ -8,7 +8,7 @@ from drake_tc.control.references import PointToPoint, Slerp, Swing, smooth_step
 from drake_tc.control.rotation import quaternion_of, rotation_matrix
 from drake_tc.kernels.calls import sequences
 from drake_tc.kernels.compiling import interpreted
-from drake_tc.kernels.instant import step_at, turned, unit
+from drake_tc.kernels.equations import step_at, turned, unit
 from drake_tc.kernels.sequence import swing
 
 MOVE = PointToPoint((0.1, -0.2, 0.9), (0.3, 0.1, 0.7), 0.4, 0.9)

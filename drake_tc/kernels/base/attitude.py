@@ -144,13 +144,7 @@ def filter_times(seen: float, time: float, bias_time: float) -> tuple[float, flo
 
 @helper
 def is_still(before: Memory, sample: Sample, options: Options) -> bool:
-    """Whether joints, base and centres of pressure move no more than they do at rest.
-
-    Args:
-        before: The state before the tick.
-        sample: Readings after validation.
-        options: Of the estimator.
-    """
+    """Whether joints, base and centres of pressure move no more than they do at rest."""
     if sample.imu_missing:
         return False
     for j in range(sample.qd.size):
@@ -171,13 +165,7 @@ def is_still(before: Memory, sample: Sample, options: Options) -> bool:
 
 @helper
 def rest_and_bias(before: Memory, sample: Sample, options: Options) -> tuple[float, float, FloatArray]:
-    """(ticks that the robot has rested so far, ticks since something moved, (3,) bias of the gyro [rad/s]).
-
-    Args:
-        before: The state before the tick.
-        sample: Readings after validation.
-        options: Of the estimator.
-    """
+    """(ticks that the robot has rested so far, ticks since something moved, (3,) bias of the gyro [rad/s])."""
     rested, bias = before.scalars[RESTED], before.bias.copy()
     if not is_still(before, sample, options):
         return rested, 0.0, bias

@@ -210,10 +210,6 @@ def shown_vertical(given: Given, posture: Posture) -> FloatArray:
     """(3,) the vertical in B that soft soles show on a level ground by where their loads are; zero where none does.
 
     A mean by load, of the last tick's loads and centres of pressure, of soles that no more than `_FLAT` bends.
-
-    Args:
-        given: Beside the sample.
-        posture: Contacts against the base.
     """
     soles, tables, before, _ = given
     total, found, normal = 0.0, np.zeros(3), np.ones(3)

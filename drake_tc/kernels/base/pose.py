@@ -16,6 +16,8 @@ For given D, x is the weighted mean; for the contacts alone what is left of the 
 or, with a_i turned by the last one, its increment. Ours differs from the paper's in one thing: the prediction x_pred
 takes no part in the yaw. The arm between it and a single contact would turn errors of the velocity into yaw, which the
 gyro knows better.
+
+`outputs` is what the estimator shows of its state.
 """
 
 import math
@@ -23,14 +25,15 @@ from typing import NamedTuple
 
 import numpy as np
 
+from drake_tc.kernels.base import state as base_state
 from drake_tc.kernels.base.attitude import Attitude, filter_times
 from drake_tc.kernels.base.contacts import Stance
 from drake_tc.kernels.base.sample import FLAT, Given
 from drake_tc.kernels.base.state import GROUND, HELD_FOR, PAIRED, STARTED, YAW
 from drake_tc.kernels.base.velocity import Motion
-from drake_tc.kernels.compiling import helper
-from drake_tc.kernels.linear_algebra import product, remainder, times, turned
-from drake_tc.types import FloatArray
+from drake_tc.kernels.compiling import INDEX, OUT_VECTOR, VECTOR, WHOLE, helper, kernel
+from drake_tc.kernels.linear_algebra import product, remainder, times, turned, wxyz_into
+from drake_tc.types import FloatArray, IntArray
 
 _LEAST_ARM = 0.05
 """Distance of contacts from their middle below which their direction says less about yaw [m]."""
@@ -213,13 +216,7 @@ def take_anew(
 
 @helper
 def find_place(given: Given, stance: Stance, motion: Motion) -> Place:
-    """Position and yaw; contacts that do not count, and new ones, take their reference from them.
-
-    Args:
-        given: Beside the sample.
-        stance: How the robot stands.
-        motion: Of stage 1.
-    """
+    """Position and yaw; contacts that do not count, and new ones, take their reference from them."""
     before, options, posture, pose = given.before, given.options, stance.sunk.posture, stance.pose
     k, dt, pressure = given.soles.shape[0], options.period, motion.found.pressure
     held = carried_references(given, pressure, stance.sunk.back)
@@ -256,3 +253,28 @@ def find_place(given: Given, stance: Stance, motion: Motion) -> Place:
     correction = remainder(yaw - (before.scalars[YAW] + pose.turn))
     paired = before.scalars[PAIRED] + (1.0 if correction != 0.0 else 0.0)
     return Place(position, yaw, rotation, held, age + 1.0, ground, correction / bias_time, paired, astray)
+
+
+_memory_of = helper(base_state.memory_of)
+
+
+@kernel(VECTOR, WHOLE, WHOLE, INDEX, OUT_VECTOR)
+def outputs(state: FloatArray, n: int, k: int, order: IntArray, out: FloatArray) -> None:
+    """[base pose (7); q (n); base velocity (6); qd (n); 0], then the same in the plant's order, into `out`.
+
+    Args:
+        state: (s,) see `base.state`.
+        n: Joints.
+        k: Contacts.
+        order: (nq + nv,) where each of the plant's [q; v] is in the first part.
+        out: (14 + 2n + nq + nv,) written.
+    """
+    memory = _memory_of(state, n, k)
+    wxyz_into(out, memory.rotation)
+    out[4:7], out[7 : 7 + n] = memory.position, memory.q
+    out[7 + n : 10 + n] = times(memory.rotation, memory.rate)
+    out[10 + n : 13 + n] = times(memory.rotation, memory.velocity)
+    out[13 + n : 13 + 2 * n] = memory.qd
+    out[13 + 2 * n] = 0.0
+    for i in range(order.size):
+        out[14 + 2 * n + i] = out[order[i]]

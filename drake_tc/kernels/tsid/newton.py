@@ -17,6 +17,7 @@ import numpy as np
 
 from drake_tc.kernels.compiling import MATRIX, VECTOR, WHOLE, helper, kernel, together
 from drake_tc.kernels.tsid.active_set import (
+    HELD_ROWS,
     Factor,
     Held,
     Model,
@@ -47,7 +48,6 @@ from drake_tc.kernels.tsid.programs import (
     times_into,
     value_at,
 )
-from drake_tc.kernels.tsid.warm_start import HELD_ROWS
 from drake_tc.types import FloatArray, IntArray
 
 SOLVED, FAILED, ASKS, PAUSED = 0, 2, 10, 11

@@ -13,12 +13,12 @@ import numpy as np
 
 from drake_tc.kernels.compiling import OUT_VECTOR, VECTOR, inlined, kernel
 from drake_tc.kernels.linear_algebra import times_vector
+from drake_tc.kernels.tsid.active_set import KNOWN, ROWS, pack, unpack
 from drake_tc.kernels.tsid.newton import DONE, FEASIBLE, FRESH, RISK, SOLVED, STEPS, minimum
 from drake_tc.kernels.tsid.problem import FOUND, LAW, VELOCITIES, Answer, Tables, problem
 from drake_tc.kernels.tsid.programs import RECTANGLE
 from drake_tc.kernels.tsid.scaling import box_program, box_risk, box_size, evaluated
 from drake_tc.kernels.tsid.terms import response
-from drake_tc.kernels.tsid.warm_start import KNOWN, ROWS, pack, unpack
 from drake_tc.types import FloatArray
 
 OPEN = 3

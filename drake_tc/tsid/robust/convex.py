@@ -44,11 +44,6 @@ def step_by_program(program: QuadraticProgram, active_set: ActiveSet, qp: QpSolv
 
     Where the solver's answer misses a limit, or is that there is none, the shortest step which keeps the limits counts:
     only where even that misses them they are contradictory.
-
-    Args:
-        program: Over d.
-        active_set: A first guess.
-        qp: The solver.
     """
     start: QpSolution | None = None
     if len(active_set.rows):
