@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from sweeps import slow_but
 
 from drake_tc.analysis.sampled import linearise, open_loop
 from drake_tc.control.joint_loop import JointLoop, value_of
@@ -32,7 +33,7 @@ CASES = {
 }
 
 
-@pytest.mark.parametrize("case", [*[*CASES][:2], pytest.param([*CASES][2], marks=pytest.mark.slow)])
+@pytest.mark.parametrize("case", slow_but(CASES, "knee with all gains"))
 def test_eigenvalues_are_those_of_the_diagram(case, tmp_path):
     joint, changes = CASES[case]
     scenario = write_scenario(tmp_path, joint, TRUE, MODEL, {"filters": {"window": 10}, **changes})

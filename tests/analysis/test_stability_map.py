@@ -1,3 +1,4 @@
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -5,7 +6,6 @@ import pytest
 from matplotlib.figure import Figure
 
 from drake_tc.analysis.stability_map import Axis, draw_map, stability_map
-from drake_tc.analysis.sweep import processes
 from drake_tc.control.joint_loop import JointLoop
 from drake_tc.errors import ParamsError
 
@@ -36,7 +36,7 @@ def test_points_are_those_of_the_loop_wherever_they_are_computed():
                 assert here.values[i, j] == loop.margins().sensitivity_peak
             else:
                 assert np.isnan(here.values[i, j])
-    with processes(2) as executor:
+    with ThreadPoolExecutor(2) as executor:
         there = stability_map(LOOP, x, y, "sensitivity_peak", executor=executor)
     np.testing.assert_array_equal(there.values, here.values)
     np.testing.assert_array_equal(there.radius, here.radius)

@@ -203,6 +203,7 @@ def test_nobody_answers_at_the_address():
         pass
 
 
+@pytest.mark.slow
 def test_the_benchmark_of_sweeps_has_its_rows():
     told = []
     rows = sweep_rows(lambda text, share: told.append(share), workers=2, repeats=1, points=8, side=3)

@@ -1,10 +1,10 @@
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from drake_tc.analysis.sweep import processes
 from drake_tc.analysis.torque_loop.tuned import joint_tasks
 from drake_tc.analysis.tracking_error import (
     JointTask,
@@ -192,7 +192,7 @@ def test_tuning_beats_the_present_setting_at_equal_or_better_margins_wherever_it
     new, _ = simulate(with_setting(LOOP, joint.after.setting), motion, load=load, dry=dry)
     assert np.std(new[280:]) < 0.7 * np.std(old[280:])
     assert joint.after.noise <= joint.goal.noise
-    with processes(2) as executor:
+    with ThreadPoolExecutor(2) as executor:
         assert tune([task], space=SMALL, executor=executor) == here
 
 

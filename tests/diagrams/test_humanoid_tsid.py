@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from optional import skip_without_robots
+from sweeps import slow_but
 
 from drake_tc.cli.main import run
 from drake_tc.errors import ParamsError
@@ -60,7 +61,7 @@ def of_other_robot(name, text):
     return simulate_tsid(TsidScenario.load(OTHERS, name, text))
 
 
-@pytest.mark.parametrize("name", tsid_entry().scenarios())
+@pytest.mark.parametrize("name", slow_but(tsid_entry().scenarios(), "far_reach", "whole_chain_one_foot"))
 def test_every_committed_scenario_runs_and_stays_finite(name):
     recording = simulate_tsid(tsid_entry().scenario(name, text="{duration: 0.06}"))
     assert recording.time.size == 61
@@ -69,7 +70,7 @@ def test_every_committed_scenario_runs_and_stays_finite(name):
     assert recording.status(Status.FALLBACK).max() == 0.0
 
 
-@pytest.mark.parametrize("name", OTHER_ROBOTS)
+@pytest.mark.parametrize("name", slow_but(OTHER_ROBOTS, "solo12"))
 def test_other_robots_stand_from_their_files_alone(name):
     recording = of_other_robot(name, "{duration: 0.2}")
     assert recording.fell is None
@@ -326,6 +327,7 @@ def test_simulate_prints_what_a_run_comes_to(capsys):
     assert "p_ind: median" in shown
 
 
+@pytest.mark.slow
 def test_bench_tick_has_a_row_for_every_measure(capsys):
     assert benchmark(["tick", "--duration", "0.04", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)

@@ -9,6 +9,8 @@ from few_effects import diagnoses_look_for
 
 from drake_tc.diagrams import one_page
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def printed() -> str:

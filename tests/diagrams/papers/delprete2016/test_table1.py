@@ -95,6 +95,7 @@ def test_the_gain_has_the_interval_that_close_loop_reports(closed_form, declared
     assert abs(relative - other) * 0.98 <= damping.half / damping.value <= 1.02 * (relative + other)
 
 
+@pytest.mark.slow
 def test_a_dead_zone_that_is_not_declared_is_found(closed_form, monkeypatch):
     diagnoses_look_for(monkeypatch, "deadzone", "stribeck", "delay", "elasticity")
     result = diagnose(closed_form, "joint", "deadzone")
