@@ -219,6 +219,7 @@ class JointModel:
         for number, (mean, deviation) in enumerate(self.ages.values()):
             prior = Prior(np.array([mean]), np.array([deviation]), np.zeros(1, dtype=bool))
             out.append(Block(columns[:, [number]], prior))
+        out += [self._averaged_channel(split, each) for each in ("effort", "torque") if each in self.ages]
         out.append(self._friction_form(split))
         if self.common_zero:
             one = np.ones((split.samples.rows.size, 1))
@@ -227,6 +228,12 @@ class JointModel:
             columns = self.shared.train if split is self.train else self.shared.held
             out.append(Block(-split.gain * columns, self.shared.prior))
         return out
+
+    @staticmethod
+    def _averaged_channel(split: Split, channel: str) -> Block:
+        """Column of a channel that is an average over its period where the position is an instant, or the reverse."""
+        deviation = np.array([np.sqrt(2.0) * UNIFORM])
+        return Block(split.averaged(channel)[:, None], Prior(np.zeros(1), deviation, np.zeros(1, dtype=bool)))
 
     def _friction_form(self, split: Split) -> Block:
         """Column by which friction near rest may differ from Coulomb and viscous friction."""

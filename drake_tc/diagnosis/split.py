@@ -167,6 +167,14 @@ class Split:
             self._kept["age", channel] = self.samples.reduce(_inside(slope, self.samples) if rate else slope)
         return np.asarray(self._kept["age", channel])
 
+    def averaged(self, channel: str) -> FloatArray:
+        """(N,) what the mean of a channel x over its period T changes in the balance, x + T^2/24 d^2x/dt^2."""
+        if ("averaged", channel) not in self._kept:
+            period = self.samples.torque_period if channel == "torque" else self.samples.effort_period
+            change = -(period**2) / 24.0 * rate_inside(self.slope_of(channel), self.samples)
+            self._kept["averaged", channel] = self.samples.reduce(change)
+        return np.asarray(self._kept["averaged", channel])
+
     def age_columns(self, channels: Iterable[str], viscous: float) -> FloatArray:
         """(N, a) what a second of age of each channel does, for a viscous friction [N m s/rad]."""
         own = {c: self.reduced_slope(c) * (viscous if c == "rate" else 1.0) for c in channels if c != "position"}

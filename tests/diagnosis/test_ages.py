@@ -71,29 +71,43 @@ def test_a_late_record_changes_the_residual_by_its_age_s_column(late: str, chann
     assert own @ column / (column @ column) == pytest.approx(age, rel=0.05)
 
 
-def test_an_averaged_position_is_a_lag_of_the_damping_that_its_prior_holds() -> None:
-    """The mean of q over a period T is q + T^2/24 qddot, which the age of the rate leaves open."""
-    joint = replace(SERVO, torque_noise=0.0, encoder_noise=0.0, period=0.01)
-    left, models = [], []
+def averaged(joint: Joint, channel: str) -> tuple[np.ndarray, np.ndarray, JointModel]:
+    """What a channel changes that is the mean over its period, x + T^2/24 d^2x/dt^2; columns of nuisances (N, k)."""
+    left = []
     for share in (0.0, 1.0):
         run, m = record(joint, "run", 0.4, 0), motion(joint, 0.4)
-        mean = m.q + share * joint.period**2 / 24.0 * m.a
-        columns = {**run.columns, "joint/position": mean}
+        x = m.q if channel == "position" else run.columns[f"joint/{channel}"]
+        bent = m.a if channel == "position" else np.gradient(np.gradient(x, joint.period), joint.period)
+        columns = {**run.columns, f"joint/{channel}": x + share * joint.period**2 / 24.0 * bent}
         model = joint_model(prepare_joint([replace(run, columns=columns)], [run], rig_of(joint), "joint"))
-        models.append(model)
-        columns = np.concatenate([b.values for b in model.blocks(model.train, model.declared)], axis=1)
-        own = model.train.recorded.effort(()) - columns @ (joint.gain * np.array([1.0, joint.viscous, joint.coulomb]))
-        rate = model.train.age_columns(model.ages, joint.viscous)[:, list(model.ages).index("rate")]
-        of_rows = np.full((len(model.train.samples.signals), 2), np.nan)
-        of_rows[model.train.samples.rows] = np.stack([own, rate], axis=1)
+        train = model.train
+        known = np.concatenate([b.values for b in model.blocks(train, model.declared)], axis=1)
+        own = train.recorded.effort(()) - known @ (joint.gain * np.array([1.0, joint.viscous, joint.coulomb]))
+        nuisances = np.concatenate([block.values for block in model.nuisances(train)], axis=1)
+        of_rows = np.full((len(train.samples.signals), 1 + nuisances.shape[1]), np.nan)
+        of_rows[train.samples.rows] = np.column_stack([own, nuisances])
         left.append(of_rows)
     both = np.isfinite(left[0][:, 0]) & np.isfinite(left[1][:, 0])
-    change, rate = (left[1] - left[0])[both, 0], left[1][both, 1]
+    return (left[1] - left[0])[both, 0], left[1][both, 1:], model
+
+
+def test_an_averaged_position_is_a_lag_of_the_damping_which_the_age_of_the_rate_leaves_open() -> None:
+    joint = replace(SERVO, torque_noise=0.0, encoder_noise=0.0, period=0.01)
+    change, columns, model = averaged(joint, "position")
+    rate = columns[:, list(model.ages).index("rate")]
     age = float(change @ rate / (rate @ rate))
     assert age == pytest.approx(joint.period**2 / 24.0 / (joint.gain * joint.viscous), rel=0.1)
-    mean, deviation = models[1].ages["rate"]
+    mean, deviation = model.ages["rate"]
     assert abs(mean - SERVO_LAG_S[0] - 0.5 * age) < 0.1 * age
     assert deviation == pytest.approx(np.hypot(SERVO_LAG_S[1], 0.5 * age), rel=0.05)
+
+
+@pytest.mark.parametrize(("channel", "number"), [("current", 0), ("torque", 1)])
+def test_an_averaged_effort_or_torque_is_once_its_column(channel: str, number: int) -> None:
+    change, columns, model = averaged(Joint(torque_noise=0.0, encoder_noise=0.0, period=0.01), channel)
+    column = columns[:, len(model.ages) + number]
+    assert change @ column / (column @ column) == pytest.approx(1.0, abs=0.05)
+    assert np.corrcoef(change, column)[0, 1] > 0.98
 
 
 def under(evidence: Evidence, scored: Scored, channel: str, late: float) -> Scored:
