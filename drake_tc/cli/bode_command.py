@@ -16,7 +16,7 @@ from drake_tc.cli.terminal import print_wide, progress_bar
 from drake_tc.errors import ParamsError
 
 if TYPE_CHECKING:
-    from drake_tc.analysis.frequency_response import Sweep
+    from drake_tc.analysis.frequency_response import Channel, Sweep
     from drake_tc.cli.bode_measurement import BodeMeasurement
 
 LOWEST_DB = -80.0
@@ -40,6 +40,16 @@ class SteppedSine:
         float, typer.Option(min=0.0, help="Settling time before each measurement [s]; at least two periods.")
     ] = 0.5
     measure: Annotated[float, typer.Option(help="Duration of each measurement [s]; at least two periods.")] = 1.0
+
+    def ports(self) -> "tuple[Channel, Channel]":
+        """Input and output.
+
+        Raises:
+            ParamsError: an index that is no whole number.
+        """
+        from drake_tc.analysis.frequency_response import channel
+
+        return channel(self.input), channel(self.output)
 
     def sweep(self) -> "Sweep":
         """Frequencies, amplitude and times.
@@ -87,21 +97,18 @@ def bode_command(options: BodeOptions) -> None:
     often a phase exceeds 360 degrees; without it, phases are in (-180, 180]. Notes name frequencies without a steady
     response, and unstable loops.
     """
-    from drake_tc.analysis.frequency_response import channel
-    from drake_tc.cli.bode_measurement import BodeRequest, measure_bode
+    from drake_tc.cli.bode_measurement import measure_bode
 
     diagram, sine, plot = options.diagram, options.sine, options.plot
-    sweep = sine.sweep()
+    sine.sweep()  # frequencies out of order are told before a diagram is built
     if plot is not None and plot.suffix.lower() not in (".png", ".svg", ".pdf"):
         raise ParamsError(f"bode: expected --plot FILE.png, .svg or .pdf, got {plot}")
     entry = options.scenario.entry(diagram)
     scenario = options.scenario.of(entry).changed(seed=options.seed)
-    ports = channel(sine.input), channel(sine.output)
-    request = BodeRequest(entry, scenario, ports, sine.at, sweep, options.prediction)
     inputs = [options.scenario.scenario_file]
     place = nullcontext() if plot is None else result_file(plot, "--plot", inputs=inputs, force=options.force)
     with place as drawn, progress_bar(f"bode {diagram}", quiet=options.as_json) as progress:
-        found = measure_bode(request, progress)
+        found = measure_bode(entry, scenario, sine, progress, predict=options.prediction)
         if drawn is not None:
             _plot(found, f"{diagram}: {sine.output} over {sine.input}", drawn)
     if options.as_json:

@@ -8,16 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from drake_tc.analysis.frequency_response import (
-    Channel,
-    FrequencyResponse,
-    Sweep,
-    bandwidth,
-    continuous_phase,
-    swept_sine,
-)
+from drake_tc.analysis.frequency_response import FrequencyResponse, bandwidth, continuous_phase, swept_sine
 from drake_tc.analysis.release import settled_at
 from drake_tc.analysis.sampled import linearise
+from drake_tc.cli.bode_command import SteppedSine
 from drake_tc.config.quoted import json_value
 from drake_tc.errors import DrakeTcError
 from drake_tc.types import FloatArray
@@ -73,54 +67,42 @@ class BodeMeasurement:
         }
 
 
-@dataclass(frozen=True)
-class BodeRequest:
-    """What is to be measured.
+def measure_bode(
+    entry: Any, scenario: Any, sine: SteppedSine, progress: Callable[[str, float], None], *, predict: bool
+) -> BodeMeasurement:
+    """Measure and predict.
 
-    Attributes:
+    Args:
         entry: Of the diagrams' registry.
         scenario: Of that entry.
-        channels: Input and output.
-        at: When it starts [s].
-        sweep: How.
-        prediction: Also linearise.
-    """
-
-    entry: Any
-    scenario: Any
-    channels: tuple[Channel, Channel]
-    at: float
-    sweep: Sweep
-    prediction: bool
-
-
-def measure_bode(request: BodeRequest, progress: Callable[[str, float], None]) -> BodeMeasurement:
-    """Measure and predict.
+        sine: Between which ports, when and how.
+        progress: Told what is done, and which share.
+        predict: Also linearise.
 
     Raises:
         ParamsError: ports or frequencies that cannot be.
         SimulationError: the diagram failed on its way or under a sine.
     """
-    if dt := getattr(request.scenario, "dt", None):
-        request.sweep.check(dt)
-    progress(f"on its way to t = {request.at:g} s", 0.0)
-    loop, context = settled_at(request.entry, request.scenario, request.at, request.channels)
-    measured = swept_sine(loop.diagram, context, loop.period, request.channels, request.sweep, progress)
+    ports, sweep = sine.ports(), sine.sweep()
+    if dt := getattr(scenario, "dt", None):
+        sweep.check(dt)
+    progress(f"on its way to t = {sine.at:g} s", 0.0)
+    loop, context = settled_at(entry, scenario, sine.at, ports)
+    measured = swept_sine(loop.diagram, context, loop.period, ports, sweep, progress)
     notes = _unsteady(measured)
-    if not request.prediction:
+    if not predict:
         return BodeMeasurement(measured, None, notes)
     try:
         with TemporaryDirectory() as folder:
             progress("linearising", 1.0)
-            sliding = request.entry.sliding
-            plain = request.scenario if sliding is None else sliding(request.scenario, Path(folder))
-            predicted, radius = _predicted(request, plain, measured.frequency_hz)
+            plain = scenario if entry.sliding is None else entry.sliding(scenario, Path(folder))
+            predicted, radius = _predicted(entry, plain, sine, measured.frequency_hz)
     except DrakeTcError as error:
         return BodeMeasurement(measured, None, (*notes, f"no prediction: {error}"))
     stable = radius <= 1.0 + UNSTABLE
     if not stable:
-        lasts = max(request.sweep.settle, 2.0 / measured.frequency_hz[0])
-        lasts += max(request.sweep.measure, 2.0 / measured.frequency_hz[0])
+        lasts = max(sweep.settle, 2.0 / measured.frequency_hz[0])
+        lasts += max(sweep.measure, 2.0 / measured.frequency_hz[0])
         exponent = np.log(radius) * lasts / loop.period
         growth = float(np.exp(min(exponent, 20.0)))
         notes += (
@@ -144,10 +126,12 @@ def _unsteady(measured: FrequencyResponse) -> tuple[str, ...]:
     )
 
 
-def _predicted(request: BodeRequest, scenario: Any, frequency_hz: FloatArray) -> tuple[FrequencyResponse, float]:
+def _predicted(
+    entry: Any, scenario: Any, sine: SteppedSine, frequency_hz: FloatArray
+) -> tuple[FrequencyResponse, float]:
     """The linearisation's response, and the spectral radius of its loop."""
-    into, out = request.channels
-    loop, context = settled_at(request.entry, scenario, request.at, request.channels)
+    into, out = sine.ports()
+    loop, context = settled_at(entry, scenario, sine.at, (into, out))
     system = linearise(loop.diagram, context, loop.period, inputs=(into.port,), outputs=(out.port,))
 
     def response(hz: FloatArray) -> Any:

@@ -15,7 +15,7 @@ from drake_tc.errors import DrakeTcError, ParamsError
 if TYPE_CHECKING:
     from drake_tc.control.guard import GuardSpec
     from drake_tc.hardware.link import RobotLink
-    from drake_tc.hardware.loop import RealTimeSpec, RunReport
+    from drake_tc.hardware.loop import RunReport
     from drake_tc.hardware.watch import ModelWatch
     from drake_tc.loops.built_loop import Controller
 
@@ -28,11 +28,6 @@ class ControllerScenario(ScenarioChoice):
     """The scenario of the diagram whose controller is run."""
 
     scenario_name: Annotated[str | None, typer.Option(help="Scenario of a diagram; its first when left out.")] = None
-
-    @property
-    def given(self) -> bool:
-        """Whether any of it is."""
-        return any((self.scenario_name, self.scenario_file, self.scenario_text))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,6 +46,17 @@ class CommandLimits:
 
         given = {name: value for name, value in vars(self).items() if value is not None}
         return GuardSpec(**given) if given else None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Timing:
+    """How the loop waits for the robot and for the clock: fields of `RealTimeSpec`."""
+
+    max_age: Annotated[float, typer.Option(help="Readings that are older are missing [s].")] = 5e-3
+    patience: Annotated[float, typer.Option(help="How long to wait for sound readings [s].")] = 10.0
+    stop_time: Annotated[float, typer.Option(help="How long to hold and damp after a stop [s].")] = 1.0
+    spin: Annotated[float, typer.Option(help="How long before a tick to look at the clock, not to sleep [s].")] = 0.0
+    priority: Annotated[int, typer.Option(min=0, max=99, help="Real-time priority (SCHED_FIFO); 0: none.")] = 0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,36 +95,18 @@ class RunOptions:
     scenario: ControllerScenario
     dry: Annotated[bool, typer.Option("--dry", help="Send no commands.")] = False
     limits: CommandLimits
-    max_age: Annotated[float, typer.Option(help="Readings that are older are missing [s].")] = 5e-3
-    patience: Annotated[float, typer.Option(help="How long to wait for sound readings [s].")] = 10.0
-    stop_time: Annotated[float, typer.Option(help="How long to hold and damp after a stop [s].")] = 1.0
-    spin: Annotated[float, typer.Option(help="How long before a tick to look at the clock, not to sleep [s].")] = 0.0
-    priority: Annotated[int, typer.Option(min=0, max=99, help="Real-time priority (SCHED_FIFO); 0: none.")] = 0
+    timing: Timing
     watch_files: WatchFiles
     stop: Annotated[bool, typer.Option("--stop", help="Only send the stop message of LCM.")] = False
     as_json: Annotated[bool, typer.Option("--json", help="Print the report as JSON.")] = False
     seed: UnusedSeed = 0
-
-    def real_time(self) -> "RealTimeSpec":
-        """How the loop runs against the clock."""
-        from drake_tc.hardware.loop import RealTimeSpec
-
-        return RealTimeSpec(
-            guard=self.limits.guard(),
-            max_age=self.max_age,
-            patience=self.patience,
-            stop_time=self.stop_time,
-            spin=self.spin,
-            priority=self.priority,
-            dry=self.dry,
-        )
 
 
 def run_command(options: RunOptions) -> None:
     """Run a controller against wall-clock time. SIGINT, SIGTERM and the robot's stop message stop it."""
     from drake_tc.control.torque_uncertainty_file import save_torque_uncertainty
     from drake_tc.hardware.lcm_link import URL, send_stop
-    from drake_tc.hardware.loop import RealTimeLoop
+    from drake_tc.hardware.loop import RealTimeLoop, RealTimeSpec
 
     controller, duration = options.controller, options.duration
     if duration is not None and not 0.0 < duration < math.inf:
@@ -126,9 +114,9 @@ def run_command(options: RunOptions) -> None:
     if options.stop:
         send_stop(_url(options.robot) or URL)
         return
-    spec = options.real_time()
+    spec = RealTimeSpec(guard=options.limits.guard(), dry=options.dry, **vars(options.timing))
     own = ":" in controller
-    if own and options.scenario.given:
+    if own and any(vars(options.scenario).values()):
         raise typer.BadParameter(
             "expected the name of a diagram beside it, got module:attribute", param_hint="--scenario"
         )
@@ -145,8 +133,8 @@ def run_command(options: RunOptions) -> None:
         save_torque_uncertainty(watched.learned().uncertainty(), learned)
     if report.ended == "no readings":
         print(
-            f"run: no sound readings within {options.patience:g} s: expected all of them, finite, with joints within"
-            " their ranges",
+            f"run: no sound readings within {options.timing.patience:g} s: expected all of them, finite, with joints"
+            " within their ranges",
             file=sys.stderr,
         )
         raise typer.Exit(STOPPED_EARLY)
