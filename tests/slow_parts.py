@@ -40,6 +40,7 @@ PARTS = {
             "diagrams/papers/test_papers.py::test_another_seed*",
             "diagrams/papers/test_papers.py::test_torque_control_follows*",
             "diagrams/papers/test_papers.py::test_stability_judges*",
+            "diagrams/papers/test_papers.py::test_a_force_sine*",
             "loops/fused/test_fuse.py::*",
             "loops/test_random_context.py::*",
             "loops/torque/*",

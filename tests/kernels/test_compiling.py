@@ -112,6 +112,7 @@ def test_what_a_process_compiles_from_sources_that_were_edited_since_is_not_kept
 
 
 @NEEDS_COMPILER
+@pytest.mark.slow
 def test_where_nothing_can_be_written_it_compiles_without_a_cache(tmp_path):
     sources, blocked = tmp_path / "sources", tmp_path / "a file"
     sources.mkdir()

@@ -200,6 +200,7 @@ def known_reversal(joint, late=0.5, radius=1.1):
     return Reversal(joint, 6e-3, 6e-4, radius, time, speed, 0.0 * speed)
 
 
+@pytest.mark.slow
 def test_stability_judges_every_joint_by_both_fits(monkeypatch):
     """Speeds that follow the prediction; but for the knee under the symmetric fit, whose speed falls."""
     time = np.arange(0.0, 2.0, 1e-3)
@@ -270,6 +271,7 @@ def test_torque_errors_are_shares_of_the_range(monkeypatch):
 # --- one real, short check of each claim
 
 
+@pytest.mark.slow
 def test_torque_control_follows_the_swing_better_than_the_servo():
     """Table 2 at K6 = 1, first half of the swing."""
     errors = []
@@ -289,6 +291,7 @@ def test_the_symmetric_fit_runs_away_and_the_asymmetric_does_not(joint):
     assert symmetric.growth > 1.0 > asymmetric.growth
 
 
+@pytest.mark.slow
 def test_a_force_sine_is_followed_and_made_by_torque_feedforward():
     """Figs. 5 and 6, the first period of the sine after the force has risen."""
     scenario = diagram_entry("hrp2_leg_contact").scenario().changed(duration=4.0, log_components=True)
