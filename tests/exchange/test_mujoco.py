@@ -78,7 +78,7 @@ def test_dry_friction_holds_a_joint_that_is_pushed_by_less():
     assert np.abs(np.diff(held)).max() / H < 5e-4
 
 
-@pytest.mark.parametrize("period", [1e-3, 5e-4], ids=["1kHz", "2kHz"])
+@pytest.mark.parametrize("period", [1e-3, pytest.param(5e-4, marks=pytest.mark.slow)], ids=["1kHz", "2kHz"])
 def test_on_the_demos_held_out_run_it_is_as_good_as_the_model(period):
     """All effects that MJCF has, on the demo's bench with its noise, load and pushes; ten seconds of its motion."""
     from drake_tc.cli.demo import DemoLength, demo_run

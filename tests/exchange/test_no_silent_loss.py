@@ -111,7 +111,14 @@ def test_no_effect_is_lost_silently(target, kind, constant):
     assert [line for key in every for line in silent(target, kind, constant, with_usual(key))] == []
 
 
-@pytest.mark.parametrize(("target", "kind", "constant"), KINDS)
+FAST = (*KINDS[::4], KINDS[-1])
+"""Each target, with one or two kinds of drive."""
+
+
+@pytest.mark.parametrize(
+    ("target", "kind", "constant"),
+    [pytest.param(*each, marks=[] if each in FAST else pytest.mark.slow) for each in KINDS],
+)
 def test_no_effect_displaces_another_silently(target, kind, constant):
     pairs = list(itertools.combinations(EXPRESSIBLE, 2))
     assert [line for pair in pairs for line in silent(target, kind, constant, with_usual(*pair))] == []

@@ -178,7 +178,10 @@ def recorded(model: ActuatorModel):
     ("target", "model", "expressed"),
     [
         ("drake-urdf", ActuatorModel("joint", Drive("position_servo", 2e-3), SERVO), True),
-        ("drake-urdf", ActuatorModel("joint", Drive("position_servo", 2e-3), (*SERVO, COULOMB)), False),
+        pytest.param(
+            *("drake-urdf", ActuatorModel("joint", Drive("position_servo", 2e-3), (*SERVO, COULOMB)), False),
+            marks=pytest.mark.slow,
+        ),
         ("bam", ActuatorModel("joint", Drive("voltage", 0.5), (*SERVO, COULOMB, PEAK)), True),
     ],
 )
