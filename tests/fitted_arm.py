@@ -7,6 +7,7 @@ from robot_files import joint_tag, link_tag, urdf, write_robot
 
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.run import close_loop
+from drake_tc.effects.library import effect
 from drake_tc.robot.plant import make_plant
 from drake_tc.robot.robot import load_robot
 
@@ -36,6 +37,8 @@ KNOWN = {
     "declared": {joint: {"rotor_inertia": rotor} for joint, rotor in zip(JOINTS, ROTOR.tolist(), strict=True)},
 }
 """Changes of the rig file for links that are taken as the URDF has them, with known rotors."""
+NEAR = DiagnosisOptions(effects=(effect("load_dependent_friction"), effect("effort_bias")), assess_residual=False)
+"""A joint's effects that resemble what is wrong with a robot."""
 
 
 def torques(robot, q, v, vdot, payload):
@@ -101,4 +104,4 @@ def diagnosed_as_known(folder, seed, true=URDF, payload=0.0, change=lambda log: 
     robot = load_robot(write_robot(folder / "true", true, JOINTS))
     write_robot(folder, URDF, JOINTS)
     logs = [change(record(folder, robot, f"run_{number}", 10 * seed + number, payload)) for number in range(3)]
-    return close_loop(rig_file(folder, **KNOWN | rig_keys), logs[:2], logs[2:], DiagnosisOptions(assess_residual=False))
+    return close_loop(rig_file(folder, **KNOWN | rig_keys), logs[:2], logs[2:], NEAR)

@@ -41,6 +41,7 @@ def test_an_arm_that_is_as_its_file_says_has_no_cause(tmp_path):
     assert diagnosed_as_known(tmp_path, 3).shared == ()
 
 
+@pytest.mark.slow
 def test_a_centre_of_mass_stays_one(tmp_path):
     """Of the last link, along it: no turn of a joint moves it like that."""
     moved = URDF.replace('xyz="0.15 0.01 0"', 'xyz="0.19 0.01 0"')
@@ -50,6 +51,7 @@ def test_a_centre_of_mass_stays_one(tmp_path):
     assert cause.parameters["com_x"].value == pytest.approx(0.04, abs=0.005)
 
 
+@pytest.mark.slow
 def test_an_offset_within_its_tolerance_is_not_named(tmp_path):
     sensors = {"encoder": {"offset": "1 deg"}}
     result = diagnosed(tmp_path, 5, "lift", sensors=sensors)

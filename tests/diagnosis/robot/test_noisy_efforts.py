@@ -3,11 +3,10 @@
 import fitted_arm
 import numpy as np
 import pytest
-from fitted_arm import GAIN, JOINTS, KNOWN, URDF, record, rig_file
+from fitted_arm import GAIN, JOINTS, KNOWN, NEAR, URDF, record, rig_file
 from numpy.testing import assert_allclose
 from robot_files import write_robot
 
-from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.problem.columns import Columns
 from drake_tc.diagnosis.run import close_loop
 from drake_tc.robot.robot import load_robot
@@ -25,7 +24,7 @@ def found(tmp_path_factory):
         patch.setattr(fitted_arm, "NOISE", NOISE)
         logs = [record(folder, robot, f"run_{number}", 70 + number) for number in range(4)]
     rig = rig_file(folder, **KNOWN, drive_gain={})
-    return close_loop(rig, logs[:3], logs[3:], DiagnosisOptions(assess_residual=False))
+    return close_loop(rig, logs[:3], logs[3:], NEAR)
 
 
 def test_least_squares_alone_has_other_gains(found):
