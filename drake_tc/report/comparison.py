@@ -17,17 +17,7 @@ from matplotlib.dates import AutoDateLocator, ConciseDateFormatter, date2num
 from drake_tc.config.quoted import json_value
 from drake_tc.report.numbers import interval, percent, pretty_unit, significant
 from drake_tc.report.pages import PageSection, PageTable, plain_page
-from drake_tc.report.plots.svg import (
-    AFTER,
-    BACKWARD,
-    MUTED,
-    REFINED,
-    SHADE,
-    NotebookFigure,
-    new_figure,
-    page_style,
-    to_svg,
-)
+from drake_tc.report.plots import svg
 from drake_tc.watch.changes import Known
 from drake_tc.watch.compare import ComparisonResult, EffectChange, JointComparison
 from drake_tc.watch.history import FEWEST, Session, Trend, further_unit, trends
@@ -159,17 +149,17 @@ def _stacked(cell: str) -> str:
     return Markup("{}<br>[{}").format(value, ends) if between else cell
 
 
-def change_figure(joint: JointComparison) -> NotebookFigure:
+def change_figure(joint: JointComparison) -> svg.NotebookFigure:
     """The change of each parameter over its stored value, with its interval."""
     shown = [p for p in joint.parameters if p.then.value]
-    with page_style(f"changes-{joint.joint}"):
-        figure = new_figure(6.4, 0.62 + 0.24 * len(shown))
+    with svg.page_style(f"changes-{joint.joint}"):
+        figure = svg.new_figure(6.4, 0.62 + 0.24 * len(shown))
         figure.subplots_adjust(left=0.34)
         axes = figure.add_subplot()
-        axes.axvline(0.0, color=MUTED, linewidth=0.8)
+        axes.axvline(0.0, color=svg.MUTED, linewidth=0.8)
         for row, p in enumerate(reversed(shown)):
             low, high = (100.0 * end / abs(p.then.value) for end in p.change.ci95)
-            colour = BACKWARD if p.changed else AFTER
+            colour = svg.BACKWARD if p.changed else svg.AFTER
             axes.plot([low, high], [row, row], color=colour, linewidth=2.2, solid_capstyle="butt")
             axes.plot(100.0 * p.share, row, "o", color=colour, markersize=4.5)
         axes.set_yticks(np.arange(len(shown)), [p.key if p.name == p.key else p.name for p in reversed(shown)])
@@ -239,7 +229,7 @@ def _effect_json(e: EffectChange) -> dict[str, Any]:
 MONTH = 30.0
 AHEAD = 0.5
 """How far a trend is drawn beyond the last session, over the time that the sessions cover."""
-COLOURS = (AFTER, BACKWARD, REFINED, MUTED)
+COLOURS = (svg.AFTER, svg.BACKWARD, svg.REFINED, svg.MUTED)
 COLUMNS = 2
 
 
@@ -316,20 +306,20 @@ def _between_units(sessions: Sequence[Session], joint: str, units: dict[str, str
     return rows
 
 
-def _svg(name: str, figure: NotebookFigure, about: str) -> str:
+def _svg(name: str, figure: svg.NotebookFigure, about: str) -> str:
     """A figure as an SVG element of a page."""
-    with page_style(name):
-        return to_svg(figure, about)
+    with svg.page_style(name):
+        return svg.to_svg(figure, about)
 
 
-def history_figure(sessions: Sequence[Session], joint: str) -> NotebookFigure:
+def history_figure(sessions: Sequence[Session], joint: str) -> svg.NotebookFigure:
     """Each parameter over time with intervals, the trend of each unit, and where it leads."""
     names = list(_units(sessions, joint))
     units = _units(sessions, joint)
     rows = -(-len(names) // COLUMNS)
     first = float(date2num(sessions[0].time))
-    with page_style(f"history-{joint}"):
-        figure = new_figure(7.2, 0.5 + 1.45 * rows)
+    with svg.page_style(f"history-{joint}"):
+        figure = svg.new_figure(7.2, 0.5 + 1.45 * rows)
         figure.subplots_adjust(left=0.12, right=0.98, hspace=0.65, wspace=0.32, top=1.0 - 0.3 / (0.5 + 1.45 * rows))
         for place, name in enumerate(names):
             axes = figure.add_subplot(rows, COLUMNS, place + 1)
@@ -347,7 +337,7 @@ def history_figure(sessions: Sequence[Session], joint: str) -> NotebookFigure:
                     days = np.linspace(found.days[0], found.days[-1] + AHEAD * span, 60)
                     value, low, high = np.array([found.at(d) for d in days]).T
                     when = first + days
-                    axes.fill_between(when, low, high, color=SHADE, linewidth=0.0)
+                    axes.fill_between(when, low, high, color=svg.SHADE, linewidth=0.0)
                     past = days <= found.days[-1]
                     axes.plot(when[past], value[past], color=colour)
                     axes.plot(when[~past], value[~past], color=colour, linestyle=(0, (3, 2)))

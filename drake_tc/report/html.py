@@ -24,6 +24,7 @@ from drake_tc.config.files import utf8_text, write_whole
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult
 from drake_tc.errors import DrakeTcError
+from drake_tc.report import tables, words
 from drake_tc.report.equation import model_equations
 from drake_tc.report.notes import next_experiment, note_sentences, set_up_sentences, warnings
 from drake_tc.report.numbers import fold, percent, scale_for, significant
@@ -38,33 +39,6 @@ from drake_tc.report.sections import (
     links_section,
     refinement_section,
     shared_section,
-)
-from drake_tc.report.tables import (
-    Row,
-    data_facts,
-    data_rows,
-    did_not_hold_rows,
-    error_table,
-    free_run_table,
-    parameter_rows,
-    rejected_rows,
-    run_error_rows,
-)
-from drake_tc.report.words import (
-    VERDICTS,
-    WRONG_SET_UP,
-    band_sentence,
-    capital,
-    correlation_words,
-    dependence_words,
-    floors_left,
-    headline,
-    ranked_effects,
-    remainder_sentence,
-    structure_words,
-    title_of,
-    unexplained,
-    verdict_words,
 )
 
 SAMPLE_BYTES = 16
@@ -136,7 +110,7 @@ def _text(name: str) -> str:
     return path.read_text(encoding="utf-8")
 
 
-def model_diff(before: str, after: str, context: int = 3) -> Sequence[Row]:
+def model_diff(before: str, after: str, context: int = 3) -> Sequence[tables.Row]:
     """Lines of the unified difference of two texts, with what became of them; empty when they are the same.
 
     Args:
@@ -184,7 +158,7 @@ def render(result: CloseLoopResult, executor: Executor | None = None) -> str:
         scripts=[Markup(plot_script()), Markup(_file("time_plots.js"))] if plots else [],
         plot_data=Markup(data.replace("<", "\\u003c")),  # no `<` in it can end the script element
         version=__version__,
-        verdict=WRONG_SET_UP if result.has_wrong_set_up else VERDICTS[result.verdict],
+        verdict=words.WRONG_SET_UP if result.has_wrong_set_up else words.VERDICTS[result.verdict],
         joints=joints,
         train=[_short(p) for p in result.train_files],
         heldout=[_short(p) for p in result.heldout_files],
@@ -196,7 +170,7 @@ def render(result: CloseLoopResult, executor: Executor | None = None) -> str:
         shared=shared_section(result),
         links=links_section(result.links, wrong_set_up=result.has_wrong_set_up),
         notes=note_sentences(result.notes),
-        ranking=[(title_of(name), where, percent(gain)) for name, where, gain in ranked_effects(result)],
+        ranking=[(words.title_of(name), where, percent(gain)) for name, where, gain in words.ranked_effects(result)],
         set_up=[Markup(CODE.sub(r"<code>\1</code>", str(escape(line)))) for line in set_up_sentences(result.set_up)],
         closed=closed_loop_section(result),
         export=export_section(result.export, {name: joint.units for name, joint in result.joints.items()}),
@@ -230,7 +204,7 @@ def _joint(joint: JointResult, prefix: str, budget: PageBudget, executor: Execut
     train = (
         [] if budget.train is None else residual_cards(joint, joint.train, f"{prefix}-train", budget.train, executor)
     )
-    tried, barred = rejected_rows(joint.rejected)
+    tried, barred = tables.rejected_rows(joint.rejected)
     scale = scale_for(joint.after.heldout, joint.unit)
     left = joint.unexplained
     correlograms, correlated = correlation_plots(joint.heldout, prefix)
@@ -240,8 +214,8 @@ def _joint(joint: JointResult, prefix: str, budget: PageBudget, executor: Execut
         "unit": joint.unit,
         "units": joint.units,
         "verdict": joint.verdict,
-        "verdict_words": verdict_words(joint),
-        "headline": headline(joint),
+        "verdict_words": words.verdict_words(joint),
+        "headline": words.headline(joint),
         "warnings": warnings(joint),
         "effects": [
             {
@@ -255,40 +229,42 @@ def _joint(joint: JointResult, prefix: str, budget: PageBudget, executor: Execut
         ],
         "fold": fold(joint.before.heldout, joint.after.heldout),
         "set_up_wrong": joint.set_up_wrong,
-        "errors": error_table(joint),
-        "run_errors": run_error_rows(joint),
+        "errors": tables.error_table(joint),
+        "run_errors": tables.run_error_rows(joint),
         "signatures": signature_plots(joint, prefix, budget.held),
         "spectrum": spectrum_plot(joint, prefix),
         "correlations": correlograms,
-        "correlated": correlation_words(correlated, left),
+        "correlated": words.correlation_words(correlated, left),
         "effort_plot": effort_plot(joint, prefix, budget.trace_samples),
         "position_plot": position_plot(joint, prefix, budget.trace_samples),
         "equations": model_equations(joint),
-        "free_runs": free_run_table(joint),
+        "free_runs": tables.free_run_table(joint),
         "refinement": refinement_section(joint),
-        "parameters": parameter_rows(joint),
-        "did_not_hold": did_not_hold_rows(joint.did_not_hold),
+        "parameters": tables.parameter_rows(joint),
+        "did_not_hold": tables.did_not_hold_rows(joint.did_not_hold),
         "tried": tried,
         "barred": barred,
-        "indistinguishable": [(title_of(a), title_of(b)) for a, b in joint.indistinguishable],
+        "indistinguishable": [(words.title_of(a), words.title_of(b)) for a, b in joint.indistinguishable],
         "next_experiment": next_experiment(joint),
         "left": {
             "fraction": percent(left.fraction),
-            "structure": structure_words(left),
-            "sentence": " ".join(filter(None, (capital(unexplained(joint)), remainder_sentence(joint)))),
-            "depends_on": dependence_words(left),
+            "structure": words.structure_words(left),
+            "sentence": " ".join(
+                filter(None, (words.capital(words.unexplained(joint)), words.remainder_sentence(joint)))
+            ),
+            "depends_on": words.dependence_words(left),
             "confined_to": left.confined_to,
             "line": "none" if left.period_hz is None else f"{significant(left.period_hz)} Hz",
             "explainable": scale.quantity(left.explainable_rms),
-            "floors": significant(floors_left(joint), 2),
+            "floors": significant(words.floors_left(joint), 2),
             "share": percent(left.share_of_signal),
-            "band": band_sentence(joint),
+            "band": words.band_sentence(joint),
             "shaded": joint.shared_band is not None and joint.shared_band.limit_hz > 0.0,
         },
         "leftovers": leftover_plots(joint, prefix, budget.held),
         "notes": note_sentences(joint.notes, joint.units),
-        "runs": [*data_rows(joint.train, "training"), *data_rows(joint.heldout, "held-out")],
-        "facts": data_facts(joint),
+        "runs": [*tables.data_rows(joint.train, "training"), *tables.data_rows(joint.heldout, "held-out")],
+        "facts": tables.data_facts(joint),
         "held_cards": [drawing.card() for drawing in held],
         "train_cards": [drawing.card() for drawing in train],
     }

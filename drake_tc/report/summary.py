@@ -19,21 +19,11 @@ from drake_tc.diagnosis.result.applications import JointClosedLoop
 from drake_tc.diagnosis.result.errors import mean_absolute_errors
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult
+from drake_tc.report import words
 from drake_tc.report.notes import experiment_sentence, note_sentences, set_up_sentences, warnings
 from drake_tc.report.numbers import NOT_IDENTIFIED, pretty_unit
 from drake_tc.report.plots.time_plots import residual_figure
 from drake_tc.report.sections import links_sentence, payload_sentences, refinement_sentence
-from drake_tc.report.words import (
-    REASONS,
-    VERDICTS,
-    WRONG_SET_UP,
-    capital,
-    floors_left,
-    ranked_effects,
-    remainder_sentence,
-    unexplained,
-    verdict_words,
-)
 
 HANGING = 4
 """Columns by which the lines of a broken text are indented beyond its first."""
@@ -74,7 +64,7 @@ def _say_found(console: Console, found: CloseLoopResult | JointResult) -> None:
     if isinstance(found, JointResult):
         _say_joint(console, found)
         return
-    verdict = WRONG_SET_UP if found.has_wrong_set_up else VERDICTS[found.verdict]
+    verdict = words.WRONG_SET_UP if found.has_wrong_set_up else words.VERDICTS[found.verdict]
     console.print(f"[bold]verdict[/bold]: {verdict} ({found.verdict})")
     say_result(console, found)
 
@@ -119,7 +109,7 @@ def _say_robot(console: Console, result: CloseLoopResult) -> None:
     """What several joints share."""
     for note in note_sentences(result.notes):
         say(console, f"[bold]all joints[/bold]: ! {escape(note)}")
-    ranking = ranked_effects(result)
+    ranking = words.ranked_effects(result)
     if len(ranking) > 1 and result.shared:
         listed = "; ".join(f"{name} of {where} ({100 * gain:.0f} %)" for name, where, gain in ranking)
         say(console, f"Found, by the held-out gain of all joints: {listed}")
@@ -138,11 +128,11 @@ def _say_robot(console: Console, result: CloseLoopResult) -> None:
 
 def _say_joint(console: Console, joint: JointResult) -> None:
     """Print verdict, errors, effects and warnings of one joint."""
-    console.print(f"[bold]{joint.joint}[/bold]: {verdict_words(joint)}")
+    console.print(f"[bold]{joint.joint}[/bold]: {words.verdict_words(joint)}")
     console.print(_errors_table(joint))
     if joint.verdict.startswith("unexplained") and not joint.set_up_wrong:
-        say(console, f"  {escape(capital(unexplained(joint)))}")
-        if smooth := remainder_sentence(joint):
+        say(console, f"  {escape(words.capital(words.unexplained(joint)))}")
+        if smooth := words.remainder_sentence(joint):
             say(console, f"  {escape(smooth)}")
     if joint.load is not None:
         title, load = joint.load
@@ -156,7 +146,7 @@ def _say_joint(console: Console, joint: JointResult) -> None:
         gain = f"held-out gain {100 * effect.heldout_gain:.0f} %"
         say(console, f"  + [bold]{effect.key}[/bold]  {values}  ({gain})")
     for withdrawn in joint.did_not_hold:
-        say(console, f"  - {withdrawn.key} did not hold. {REASONS[withdrawn.reason][1]}")
+        say(console, f"  - {withdrawn.key} did not hold. {words.REASONS[withdrawn.reason][1]}")
     for warning in warnings(joint):
         say(console, f"  ! {escape(warning)}")
     if joint.next_experiment is not None:
@@ -210,7 +200,7 @@ def _errors_table(joint: JointResult) -> Table:
         table.add_row(name, *cells[: len(headers) - 1])
     table.add_row("noise floor", "", _figure(joint.noise_floor, f" {unit}"))
     if joint.noise_floor > 0.0:
-        table.add_row("after / noise floor", "", _figure(floors_left(joint)))
+        table.add_row("after / noise floor", "", _figure(words.floors_left(joint)))
     return table
 
 

@@ -19,6 +19,7 @@ from drake_tc.diagnosis.result.joint_result import FoundEffect, JointResult
 from drake_tc.effects.base import DriveEffect
 from drake_tc.report.equation import equations
 from drake_tc.report.numbers import Scale, fold, percent, scale_for, significant
+from drake_tc.report.plots import svg
 from drake_tc.report.plots.rows import (
     MOST_POINTS,
     Quantity,
@@ -29,20 +30,6 @@ from drake_tc.report.plots.rows import (
     modulo,
     quantity,
     rows_of,
-)
-from drake_tc.report.plots.svg import (
-    BACKWARD,
-    BACKWARD_DOT,
-    FORWARD,
-    FORWARD_DOT,
-    INK,
-    MUTED,
-    PIXELS_PER_INCH,
-    REVERSAL_DOT,
-    SHADE,
-    new_figure,
-    page_style,
-    to_svg,
 )
 from drake_tc.types import BoolArray, FloatArray
 
@@ -58,7 +45,7 @@ class CloudLook:
     """Most points that a cloud draws, and pixels per inch of their bitmap."""
 
     most: int = MOST_POINTS
-    pixels_per_inch: int = PIXELS_PER_INCH
+    pixels_per_inch: int = svg.PIXELS_PER_INCH
 
 
 FULL_LOOK = CloudLook()
@@ -93,15 +80,15 @@ def cloud_svg(cloud: Cloud, against: Quantity, rows: SplitRows) -> str:
     x, y = against.values, cloud.residual * cloud.scale.factor
     floor = cloud.floor * cloud.scale.factor
     limits = frame(y, floor if np.isfinite(floor) else 0.0)
-    with page_style(cloud.name):
-        figure = new_figure(*cloud.size)
+    with svg.page_style(cloud.name):
+        figure = svg.new_figure(*cloud.size)
         axes = figure.add_subplot()
         for begin, end in against.shaded:
-            axes.axvspan(begin, end, color=SHADE, linewidth=0)
+            axes.axvspan(begin, end, color=svg.SHADE, linewidth=0)
         for mark in against.marks:
-            axes.axvline(mark, color=MUTED, linewidth=0.7, linestyle=(0, (4, 3)))
+            axes.axvline(mark, color=svg.MUTED, linewidth=0.7, linestyle=(0, (4, 3)))
         if np.isfinite(floor):
-            axes.axhspan(-floor, floor, color=SHADE, linewidth=0)
+            axes.axhspan(-floor, floor, color=svg.SHADE, linewidth=0)
         _points(axes, x, y, rows, cloud.look.most)
         _medians(axes, x, y, rows, split=against.key != "time")
         if cloud.line is not None:
@@ -121,20 +108,20 @@ def cloud_svg(cloud: Cloud, against: Quantity, rows: SplitRows) -> str:
                 ha="right",
                 va="top",
                 fontsize=6.5,
-                color=MUTED,
+                color=svg.MUTED,
             )
         spread = float(np.sqrt(np.mean(cloud.residual**2))) * cloud.scale.factor if y.size else float("nan")
         said = f"{cloud.label} against {against.title}, {cloud.title}: RMS {significant(spread)} {cloud.scale.unit}"
-        return to_svg(figure, said, cloud.look.pixels_per_inch)
+        return svg.to_svg(figure, said, cloud.look.pixels_per_inch)
 
 
 def _points(axes: Any, x: FloatArray, y: FloatArray, rows: SplitRows, most: int) -> None:
     kept = np.zeros(x.size, dtype=bool)
     kept[evenly(x.size, most)] = True
     groups: tuple[tuple[BoolArray, str, str, float], ...] = (
-        (~rows.reversal & (rows.direction >= 0.0), FORWARD_DOT, "o", 3.0),
-        (~rows.reversal & (rows.direction < 0.0), BACKWARD_DOT, "o", 3.0),
-        (rows.reversal, REVERSAL_DOT, "x", 6.0),
+        (~rows.reversal & (rows.direction >= 0.0), svg.FORWARD_DOT, "o", 3.0),
+        (~rows.reversal & (rows.direction < 0.0), svg.BACKWARD_DOT, "o", 3.0),
+        (rows.reversal, svg.REVERSAL_DOT, "x", 6.0),
     )
     for chosen, colour, marker, size in groups:
         shown = chosen & kept
@@ -154,9 +141,9 @@ def _points(axes: Any, x: FloatArray, y: FloatArray, rows: SplitRows, most: int)
 
 def _medians(axes: Any, x: FloatArray, y: FloatArray, rows: SplitRows, *, split: bool) -> None:
     steady = ~rows.reversal if (~rows.reversal).sum() > 50 else np.ones(x.size, dtype=bool)
-    groups = [(steady, INK)]
+    groups = [(steady, svg.INK)]
     if split:
-        groups = [(steady & (rows.direction >= 0.0), FORWARD), (steady & (rows.direction < 0.0), BACKWARD)]
+        groups = [(steady & (rows.direction >= 0.0), svg.FORWARD), (steady & (rows.direction < 0.0), svg.BACKWARD)]
     for chosen, colour in groups:
         found = binned(x[chosen], y[chosen], 48 if not split else 24)
         axes.fill_between(found.x, found.low, found.high, color=colour, alpha=0.22, linewidth=0, zorder=2.5)
@@ -166,7 +153,7 @@ def _medians(axes: Any, x: FloatArray, y: FloatArray, rows: SplitRows, *, split:
 def _prediction(axes: Any, x: FloatArray, line: FloatArray, rows: SplitRows) -> None:
     for chosen in (rows.direction >= 0.0, rows.direction < 0.0):
         found = binned(x[chosen], line[chosen])
-        axes.plot(found.x, found.middle, color=INK, linewidth=1.1, linestyle=(0, (5, 2)), zorder=4.0)
+        axes.plot(found.x, found.middle, color=svg.INK, linewidth=1.1, linestyle=(0, (5, 2)), zorder=4.0)
 
 
 SIZE = (4.2, 2.7)

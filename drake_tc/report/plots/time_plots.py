@@ -16,19 +16,8 @@ from drake_tc.diagnosis.residual.unexplained import DataSplit
 from drake_tc.diagnosis.result.errors import MODELS
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.report.numbers import Scale, scale_for
+from drake_tc.report.plots import svg
 from drake_tc.report.plots.rows import extreme_samples
-from drake_tc.report.plots.svg import (
-    AFTER,
-    BEFORE,
-    INK,
-    MUTED,
-    REFINED,
-    SHADE,
-    NotebookFigure,
-    new_figure,
-    page_style,
-    to_svg,
-)
 from drake_tc.types import FloatArray, IntArray
 
 GAP_ROWS = 1.5
@@ -215,19 +204,19 @@ def _encoded(values: np.ndarray[Any, Any]) -> str:
 
 def _picture(trace: Trace, quantity: str, name: str, value: Scale, error: Scale) -> str:
     """Values above, errors below, without anything to click."""
-    with page_style(name):
-        figure = new_figure(*SIZE)
+    with svg.page_style(name):
+        figure = svg.new_figure(*SIZE)
         _draw(figure, trace.thinned(PICTURE_SAMPLES), quantity, value, error)
-        return to_svg(figure, f"{quantity} over time, {trace.run}: measured and modelled")
+        return svg.to_svg(figure, f"{quantity} over time, {trace.run}: measured and modelled")
 
 
 def _draw(figure: Figure, trace: Trace, quantity: str, value: Scale, error: Scale) -> tuple[Any, Any]:
     """Draw values above and errors below; returns both frames. The measured line lies above those of the models."""
-    looks = {"before": (BEFORE, (0, (4, 2))), "after": (AFTER, "solid"), "refined": (REFINED, (0, (1, 1)))}
+    looks = {"before": (svg.BEFORE, (0, (4, 2))), "after": (svg.AFTER, "solid"), "refined": (svg.REFINED, (0, (1, 1)))}
     grid = figure.add_gridspec(2, 1, height_ratios=(1.6, 1.0))
     top: Any = figure.add_subplot(grid[0])
     bottom: Any = figure.add_subplot(grid[1], sharex=top)
-    top.plot(trace.time, trace.measured * value.factor, color=INK, linewidth=0.9, label="measured", zorder=3)
+    top.plot(trace.time, trace.measured * value.factor, color=svg.INK, linewidth=0.9, label="measured", zorder=3)
     for key, line in trace.errors.items():
         colour, dash = looks[key]
         modelled = (trace.measured + line) * value.factor
@@ -243,7 +232,7 @@ def _draw(figure: Figure, trace: Trace, quantity: str, value: Scale, error: Scal
     return top, bottom
 
 
-def residual_figure(joint: JointResult) -> NotebookFigure:
+def residual_figure(joint: JointResult) -> svg.NotebookFigure:
     """Measured and modelled effort on the held-out runs, end to end, and below it the residuals before and after.
 
     The band about zero is the noise floor. The residual is modelled minus measured effort (`effort_traces`).
@@ -252,16 +241,16 @@ def residual_figure(joint: JointResult) -> NotebookFigure:
     joined, starts = _end_to_end(traces)
     value = scale_for(_largest(joined.measured), joint.unit)
     error = scale_for(max(map(_largest, joined.errors.values())), joint.unit)
-    with page_style(joint.joint):
-        figure = new_figure(*SIZE)
+    with svg.page_style(joint.joint):
+        figure = svg.new_figure(*SIZE)
         figure.patch.set(facecolor="white", alpha=1.0)
         top, bottom = _draw(figure, joined.thinned(FIGURE_SAMPLES), "effort", value, error)
         floor = joint.noise_floor * error.factor
         if np.isfinite(floor):
-            bottom.axhspan(-floor, floor, color=SHADE, linewidth=0)
+            bottom.axhspan(-floor, floor, color=svg.SHADE, linewidth=0)
         for start in starts[1:]:
             for axes in (top, bottom):
-                axes.axvline(start, color=MUTED, linewidth=0.7, linestyle=(0, (4, 3)))
+                axes.axvline(start, color=svg.MUTED, linewidth=0.7, linestyle=(0, (4, 3)))
         bottom.set_ylabel(f"residual [{error.unit}]")
         bottom.set_xlabel("time, runs end to end [s]" if len(traces) > 1 else "time [s]")
         FigureCanvasAgg(figure)
