@@ -47,11 +47,11 @@ def on_page_markdown(markdown: str, page: Any, config: Any, files: Files) -> str
 
 
 def on_page_content(html: str, page: Any, config: Any, files: Files) -> str:
-    """Options of a command in a table cell are not broken at their hyphens."""
-    return CELL_CODE.sub(lambda code: OPTION.sub(r'<span class="option">\1</span>', code[0]), html)
+    """Options of a command are not broken at their hyphens."""
+    return OPTIONS_IN_CODE.sub(lambda code: OPTION.sub(r'<span class="option">\1</span>', code[0]), html)
 
 
-CELL_CODE = re.compile(r"(?<=<code>)drake-tc [^<]*")
+OPTIONS_IN_CODE = re.compile(r"(?<=<code>)(?:drake-tc |--)[^<]*")
 OPTION = re.compile(r"(--[a-z-]+)")
 PARTS = {
     "papers": papers.overview,
