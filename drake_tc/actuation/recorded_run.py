@@ -182,14 +182,6 @@ class PlantSide:
         return np.asarray(seen.position)
 
 
-def with_declared_inertia(model: ActuatorModel, rotor_inertia: float | None) -> ActuatorModel:
-    """The model with a declared rotor inertia [kg m^2] that it does not list."""
-    if rotor_inertia is None or any(value.effect.id == "rotor_inertia" for value in model.effects):
-        return model
-    declared = EffectValue("rotor_inertia", {"rotor_inertia": rotor_inertia})
-    return replace(model, effects=(declared, *model.effects))
-
-
 def plant_side(model: ActuatorModel, recording: Recording) -> PlantSide:
     """Sensor effects taken off the recorded load and start, and the gear's twist under a recorded load.
 

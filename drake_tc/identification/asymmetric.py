@@ -280,7 +280,6 @@ def fit_piecewise(
     effort: FloatArray,
     *,
     breaks: tuple[float, float] = (-0.5, 0.5),
-    middle_slope: tuple[float, float] = (0.0, np.inf),
 ) -> PiecewiseFit:
     """Fit `fit_three_pieces` to the samples of each sign of the velocity; samples at rest are left out.
 
@@ -289,7 +288,6 @@ def fit_piecewise(
         velocity: q̇ (T,) [rad/s].
         effort: Δq (T,) [effort].
         breaks: Start of the break points [N·m].
-        middle_slope: Bounds of the middle slope [effort/(N·m)].
 
     Raises:
         IdentificationError: As `fit_three_pieces`.
@@ -302,11 +300,9 @@ def fit_piecewise(
         >>> np.round(fit.forward.slopes, 6).tolist()
         [0.2, 0.5, 0.2]
     """
-    pieces = [
-        fit_three_pieces(torque[way], effort[way], breaks=breaks, middle_slope=middle_slope)
-        for way in (velocity > 0, velocity < 0)
-    ]
-    return PiecewiseFit(*pieces)
+    return PiecewiseFit(
+        *(fit_three_pieces(torque[way], effort[way], breaks=breaks) for way in (velocity > 0, velocity < 0))
+    )
 
 
 def _pieces(tau: FloatArray, breaks: tuple[float, float]) -> tuple[BoolArray, BoolArray, BoolArray]:

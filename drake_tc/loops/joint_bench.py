@@ -43,7 +43,6 @@ from drake_tc.actuation.recorded_run import (
     longest_stretch,
     plant_side,
     recording_of,
-    with_declared_inertia,
 )
 from drake_tc.actuation.wiring import add_actuators
 from drake_tc.effects.base import plain_signals
@@ -324,15 +323,12 @@ RUNAWAY = 10.0
 """A run that leaves the recorded span by this factor has diverged."""
 
 
-def free_run(
-    model: ActuatorModel, recording: Recording, *, rotor_inertia: float | None = None, substeps: int | None = None
-) -> FloatArray:
+def free_run(model: ActuatorModel, recording: Recording, *, substeps: int | None = None) -> FloatArray:
     """Position (T,) [rad], as the rig's encoder would have shown it; NaN from where the run has diverged.
 
     Args:
         model: The actuator; its sensor effects are taken off the recorded load and put on the simulated position.
         recording: The run.
-        rotor_inertia: Declared J [kg m^2], for a model that does not list it.
         substeps: Steps of plant and actuator in one sample; None chooses them by the rate of the log and the stiffness
             of the servo, and simulates only every k-th sample of a log faster than `FINEST` (linear between them).
 
@@ -341,7 +337,6 @@ def free_run(
     """
     if substeps is not None and substeps < 1:
         raise ParamsError(f"free run: expected at least 1 substep, got {substeps}")
-    model = with_declared_inertia(model, rotor_inertia)
     side = plant_side(model, recording)
     period = recording.period
     if substeps is None:

@@ -236,11 +236,13 @@ def simulate_tsid_loop(scenario: TsidScenario, progress: Progress | None = None,
 def simulate_sea_loop(scenario: SeaScenario, progress: Progress | None = None, meshcat: bool = False) -> Simulated:
     """One series-elastic joint: its torque error, with and without the loop's delay, and the largest voltage.
 
+    The joint has no shape that could be shown.
+
     Raises:
         ParamsError: a scenario that cannot be built.
         SimulationError: the motor ran away.
     """
-    recording = simulate_sea(scenario, progress, meshcat=meshcat)
+    recording = simulate_sea(scenario, progress)
     summary = summarise_sea(recording)
     row = summary["joints"][0]
     names = ("rms_error", "rms_error_but_for_delay", "max_error", "max_torque", "max_voltage")

@@ -159,12 +159,11 @@ class SeaLoop(BuiltLoop[SeaScenario]):
         return self.scenario.dt
 
 
-def build_sea(scenario: SeaScenario, *, meshcat: bool = False) -> SeaLoop:
+def build_sea(scenario: SeaScenario) -> SeaLoop:
     """Build the diagram of a scenario.
 
     Args:
         scenario: What to build.
-        meshcat: Not of use here: the joint has no shape.
 
     Raises:
         ParamsError: values that do not fit.
@@ -278,13 +277,12 @@ class SeaRecording(Recording):
         return float(np.sqrt(np.mean(values[self.evaluated] ** 2)))
 
 
-def simulate_sea(scenario: SeaScenario, progress: Progress | None = None, *, meshcat: bool = False) -> SeaRecording:
+def simulate_sea(scenario: SeaScenario, progress: Progress | None = None) -> SeaRecording:
     """Build a scenario's joint, run it, and return what was logged.
 
     Args:
         scenario: What to run.
         progress: Told what is done and which share.
-        meshcat: Not of use: the joint has no shape.
 
     Raises:
         ParamsError: a scenario that cannot be built.

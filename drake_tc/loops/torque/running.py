@@ -277,6 +277,8 @@ def _runaway(loop: Loop, context: Context) -> SimulationError:
 
 SETTLED = 0.7
 """Tracking is evaluated from here on [s]: the guard has let go of the start."""
+WINDOW = 41
+"""Of the filters without delay by which a log's torques are estimated [samples]."""
 ZEROED = (0.05, 0.5)
 """The F/T sensors are zeroed within these times [s]."""
 
@@ -308,7 +310,7 @@ def summarise(recording: TorqueRecording) -> dict[str, Any]:
     }
 
 
-def estimated(recording: TorqueRecording, window: int = 41) -> TorqueLog:
+def estimated(recording: TorqueRecording) -> TorqueLog:
     """Link-side torques and contact wrenches from the log's own sensors, without delay.
 
     Source: Del Prete et al., 2016, Algorithm 1.
@@ -319,20 +321,19 @@ def estimated(recording: TorqueRecording, window: int = 41) -> TorqueLog:
 
     Args:
         recording: The simulation.
-        window: Of the filters [samples].
 
     Raises:
         LogError: a log with lost samples, or one shorter than the window, from which nothing can be estimated.
-        ParamsError: a floating robot without IMU, or a window that is no window.
+        ParamsError: a floating robot without IMU.
     """
     robot, samples = recording.robot, recording.time.size
-    if samples < window:
-        raise LogError(f"torque column: expected at least {window} samples; the log has {samples}")
+    if samples < WINDOW:
+        raise LogError(f"torque column: expected at least {WINDOW} samples; the log has {samples}")
     model = _torque_model(robot)
     period = float(recording.time[1] - recording.time[0])
     wrench = recording["force_torque"] if robot.force_torque else np.zeros((samples, 0))
     log = SensorLog(recording["encoder"], recording["imu"][:, :6] if robot.imu else None, wrench, period)
-    filters = OffLineFilter.of(window)
+    filters = OffLineFilter.of(WINDOW)
     still = slice(round(ZEROED[0] / period), min(round(ZEROED[1] / period), samples // 10))
     zero = robot.force_torque and still.stop > still.start
     return estimate_log(model, log, filters, wrench_bias(model, log, still, filters) if zero else None)
