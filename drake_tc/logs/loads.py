@@ -90,7 +90,7 @@ class RobotLoad:
             encoders and, where there is one, the IMU, for a robot that nothing touches or whose F/T sensors are not in
             the way; "fitted": the same, but the links' inertial parameters are fitted together with the joints' models.
         tolerance: Of a fitted robot: standard deviation of a link's mass as a share of the file's; its first moments
-            and inertia follow with the link's size (`robot.link_parameters`).
+            and inertia follow with the link's size (`robot.rigid_regressor`).
         gain_tolerance: Of a fitted robot: standard deviation of the common relative error of the declared drive gains.
         payload: Of a fitted robot: names of the logs in which a link carries a load that is not known.
         carrier: That link; empty for the robot's only outermost link.

@@ -147,7 +147,7 @@ class Rig:
         robot: The robot file whose model gives the loads, or None.
         sensors: Declared noise and tolerances by joint; see `joint_sensors`.
         tolerances: Declared tolerances by the sensor's column name (`ft_foot`, `imu_trunk`).
-        coupled: By joint, turns of its motor for one turn of another joint (`estimation.coupled_gears`).
+        coupled: By joint, turns of its motor for one turn of another joint (`estimation.robot_loads`).
         tares: Begin and end of the stretch of every run in which an F/T sensor is zeroed [s], by its column name.
         robot_sensors: Column names of the sensors that the robot file lists (`ft_foot`, `imu_trunk`).
         declared_by_files: Sentences on what files of other simulators declare, and what of them is not used.

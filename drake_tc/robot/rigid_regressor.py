@@ -2,7 +2,7 @@
 
 The inertial parameters of a robot's moving links: what its file says, how far that may be off, and what they weigh.
 
-Joint torques are linear in them, tau = Y(q, v, vdot) pi (`robot.rigid_regressor`).
+Joint torques are linear in them, tau = Y(q, v, vdot) pi (`regressor`).
 """
 
 from dataclasses import dataclass

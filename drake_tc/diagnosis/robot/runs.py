@@ -36,7 +36,7 @@ class RobotRuns:
         rig: With a `RobotLoad`.
         causes: Columns over all runs.
         options: Of the diagnosis. progress: Told how far it is.
-        turns: (n, n) of the motors where gears couple joints (`estimation.coupled_gears`).
+        turns: (n, n) of the motors where gears couple joints (`estimation.robot_loads`).
         momenta: Of fitted links whose runs' sampling instants scatter; None elsewhere.
         unmoved: Both splits before the readings of a late encoder were moved in time; None where none were.
     """

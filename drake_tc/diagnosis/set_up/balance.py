@@ -123,7 +123,7 @@ class SetUp:
         zero: (n,) reading of the joint at the zero of the robot's file [rad or m], after the sign.
         gravity: (3,) of the base [m/s^2].
         free: (n,) whether the drive gain is fitted.
-        turns: (n, n) of the motors where gears couple joints (`estimation.coupled_gears`); None where none does.
+        turns: (n, n) of the motors where gears couple joints (`estimation.robot_loads`); None where none does.
         loaded: Names of runs in which the outermost link carries something, those with the same load together.
     """
 
