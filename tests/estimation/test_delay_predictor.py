@@ -9,7 +9,7 @@ from pydrake.systems.primitives import ConstantVectorSource, LogVectorOutput, Tr
 from pydrake.trajectories import PiecewisePolynomial
 
 from drake_tc.errors import ParamsError
-from drake_tc.estimation.delay_predictor import DelayPredictor, PredictorSpec
+from drake_tc.estimation.disturbance_observer import DelayPredictor, PredictorSpec
 from drake_tc.filtering.savitzky_golay import SavitzkyGolayFilter
 
 DT, WINDOW, BANDWIDTH = 1e-3, 80, 100.0

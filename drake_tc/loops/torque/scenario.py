@@ -14,8 +14,7 @@ from drake_tc.config.records import check_choices
 from drake_tc.control.guard import GuardSpec
 from drake_tc.control.torque_law import CompensationSpec
 from drake_tc.errors import ParamsError
-from drake_tc.estimation.delay_predictor import PredictorSpec
-from drake_tc.estimation.disturbance_observer import ObserverSpec
+from drake_tc.estimation.disturbance_observer import ObserverSpec, PredictorSpec
 from drake_tc.estimation.torque_model import BaseSource
 from drake_tc.loops.scenarios import (
     FilterSpec,

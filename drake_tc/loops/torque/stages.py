@@ -31,8 +31,7 @@ from drake_tc.control.guard import CommandGuard, rated_guard
 from drake_tc.control.inverse_dynamics import InverseDynamics, MotionSources
 from drake_tc.control.torque_control import TorqueControl
 from drake_tc.errors import ParamsError
-from drake_tc.estimation.delay_predictor import DelayPredictor
-from drake_tc.estimation.disturbance_observer import DisturbanceObserver, ObserverSpec
+from drake_tc.estimation.disturbance_observer import DelayPredictor, DisturbanceObserver, ObserverSpec
 from drake_tc.estimation.joint_torque import JointTorqueEstimator, WrenchTare
 from drake_tc.estimation.torque_model import BaseSource, TorqueModel
 from drake_tc.filtering.savitzky_golay import SavitzkyGolayFilter

@@ -19,8 +19,7 @@ from drake_tc.analysis.sampled import linearise
 from drake_tc.control.gains import TorqueGains
 from drake_tc.control.trajectories import knot_trajectory
 from drake_tc.errors import ParamsError
-from drake_tc.estimation.delay_predictor import PredictorSpec
-from drake_tc.estimation.disturbance_observer import ObserverSpec
+from drake_tc.estimation.disturbance_observer import ObserverSpec, PredictorSpec
 from drake_tc.hardware.stepper import ControllerStepper
 from drake_tc.loops.plant import add_robot_plant
 from drake_tc.loops.torque.running import build_loop, run_loop

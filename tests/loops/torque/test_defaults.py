@@ -17,7 +17,7 @@ from drake_tc.analysis.sampled import linearise, loop_margins, open_loop
 from drake_tc.control.gains import TorqueGains
 from drake_tc.control.trajectories import knot_trajectory
 from drake_tc.errors import ParamsError
-from drake_tc.estimation.delay_predictor import PredictorSpec
+from drake_tc.estimation.disturbance_observer import PredictorSpec
 from drake_tc.loops.plant import add_robot_plant
 from drake_tc.loops.torque.coupling import coupling
 from drake_tc.loops.torque.default_gains import joint_loops, tied_loops
