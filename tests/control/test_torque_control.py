@@ -11,6 +11,7 @@ from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.control.gains import TorqueGains
 from drake_tc.control.torque_control import COMPONENTS, TorqueControl
 from drake_tc.control.torque_law import CompensationSpec
+from drake_tc.effects.backlash import CONTACT_STIFFNESS
 from drake_tc.errors import ParamsError
 from tests.joint_program import JointInput, JointProgram
 
@@ -132,6 +133,21 @@ def test_the_actuator_then_delivers_the_commanded_torque(velocity):
             program.initial(velocity), JointInput(float(command[i]), q, velocity, 0.0, 25.0), at_tick=True
         )
         assert_allclose(out.actuation - 0.4 * acceleration, torque[i], rtol=1e-9, atol=1e-9)
+
+
+def test_a_motor_leads_its_link_by_the_wound_spring_or_by_half_the_gap():
+    """theta - q = c tau of a spring, b/2 sign(tau) + tau/k of a gap that closes on k: so far a command is ahead."""
+    gears = EffectValue("elasticity", {"compliance": 2e-3}), EffectValue("backlash", {"backlash": 0.03})
+    geared = [ActuatorModel(bare.joint, bare.drive, (gear,)) for bare, gear in zip(BARE, gears, strict=True)]
+    for sign in (1.0, -1.0):
+        systems = [TorqueControl(models, GAINS, NO_LIMIT) for models in (geared, BARE)]
+        contexts = [context_of(system, desired_torque=sign * np.array([40.0, 30.0])) for system in systems]
+        torque = read(systems[0], contexts[0], "commanded_torque")
+        assert np.all(sign * torque > 0.0)
+        commands = [read(*each, "command") for each in zip(systems, contexts, strict=True)]
+        assert_allclose(
+            commands[0] - commands[1], [2e-3 * torque[0], sign * 0.015 + torque[1] / CONTACT_STIFFNESS], rtol=1e-9
+        )
 
 
 def test_other_drives_get_the_effort_alone():
