@@ -1,7 +1,7 @@
 """Simulated joints written to log files, as a user hands them to `close-loop`, and the report that he gets."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +11,7 @@ import yaml
 
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.run import close_loop
+from drake_tc.effects.library import effect
 from drake_tc.report.data_files import result_json
 
 from .rigs import Joint, record
@@ -27,8 +28,8 @@ class Logs:
     train: tuple[Path, ...]
     held: tuple[Path, ...]
 
-    def report(self, *, assess_residual: bool = True, seed: int = 0) -> dict[str, Any]:
-        """report.json of `close-loop`.
+    def report(self, *effects: str, assess_residual: bool = True, seed: int = 0) -> dict[str, Any]:
+        """report.json of `close-loop`, which looks for these effects; for all of the library where none is given.
 
         `assess_residual=False` leaves out what it says of the residual, which takes longest; `seed` is that of the
         resampling.
@@ -37,6 +38,7 @@ class Logs:
             DrakeTcError: the input is refused.
         """
         options = DiagnosisOptions(assess_residual=assess_residual, seed=seed)
+        options = replace(options, effects=tuple(map(effect, effects))) if effects else options
         return result_json(close_loop(self.rig, self.train, self.held, options))
 
 

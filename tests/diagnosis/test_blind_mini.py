@@ -35,9 +35,6 @@ SPECS: dict[str, RigSpec] = {
 }
 """20 s at 500 Hz instead of the benchmark's 30 s at 1 kHz: a third of its work."""
 
-QUICK = ("stribeck", "null")
-"""Run in every test; the others take their time in the slow ones."""
-
 
 def diagnose(folder: Path, hidden: Path, report: Path) -> Outcome:
     """The verdict on one rig's files, held against its truth."""
@@ -62,7 +59,8 @@ def outcome_of(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Outc
     return outcome
 
 
-@pytest.mark.parametrize("name", [pytest.param(n, marks=[] if n in QUICK else [pytest.mark.slow]) for n in SPECS])
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SPECS)
 def test_the_answer_is_right(name, outcome_of):
     outcome = outcome_of(name)
     said = f"{name}: named {outcome.named}, verdict {outcome.verdict}, ties {outcome.indistinguishable}"

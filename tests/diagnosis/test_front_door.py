@@ -53,14 +53,11 @@ def test_files_and_tables_give_the_same(tables, result, tmp_path):
         table.to_parquet(path, index=False)
     rig = tmp_path / "rig.yaml"
     rig.write_text("{joint: joint, drive: current, load: torque, declared: {rotor_inertia: 0.3}}")
-    of_files = drake_tc.close_loop(str(rig), [paths[0], str(paths[1])], holdout=paths[2:], options=QUICK)
-    assert numbers(of_files) == numbers(result)
-    assert (of_files.train_files, of_files.rig_file) == ((str(paths[0]), str(paths[1])), str(rig))
-    assert (result.train_files, result.heldout_files) == (("log 1", "log 2"), ("held-out 1", "held-out 2"))
-    assert result["joint"].heldout.samples.runs != of_files["joint"].heldout.samples.runs
-    mixed = drake_tc.close_loop(drake_tc.load_rig(rig), [paths[0], tables[1]], holdout=tables[2:], options=QUICK)
+    mixed = drake_tc.close_loop(str(rig), [paths[0], tables[1]], holdout=[paths[2], str(paths[3])], options=QUICK)
     assert numbers(mixed) == numbers(result)
-    assert mixed.train_files == (str(paths[0]), "log 2")
+    assert (mixed.train_files, mixed.rig_file) == ((str(paths[0]), "log 2"), str(rig))
+    assert (result.train_files, result.heldout_files) == (("log 1", "log 2"), ("held-out 1", "held-out 2"))
+    assert result["joint"].heldout.samples.runs != mixed["joint"].heldout.samples.runs
 
 
 def test_a_table_stays_as_it_was_and_its_index_counts_for_nothing(tables, result):

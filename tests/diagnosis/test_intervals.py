@@ -18,7 +18,6 @@ from .rigs import Joint, Motion, record, rig_of
 
 TRUTH = {("drive", "gain"): 0.08, ("viscous", "viscous"): 6.0, ("coulomb", "coulomb"): 3.0}
 SHORT = Joint(duration=12.0, period=4e-3)
-SEEDS = 12
 
 
 def coloured(seed: int, rho: float, size: float) -> Callable[[Motion], np.ndarray]:
@@ -38,17 +37,20 @@ def diagnosed(joints: tuple[Joint, Joint], *keys: str, seed: int = 0) -> JointRe
     return diagnose_joint([train], [held], rig_of(joints[0]), "joint", options)
 
 
-@pytest.mark.parametrize("rho", [0.0, 0.98])
-def test_intervals_hold_the_truth_under_white_and_under_slow_noise(rho):
+@pytest.mark.parametrize(
+    ("rho", "seeds"),
+    [(0.98, 4), pytest.param(0.0, 12, marks=pytest.mark.slow), pytest.param(0.98, 12, marks=pytest.mark.slow)],
+)
+def test_intervals_hold_the_truth_under_white_and_under_slow_noise(rho, seeds):
     inside, width = [], []
-    for seed in range(SEEDS):
+    for seed in range(seeds):
         joints = tuple(replace(SHORT, sensor=coloured(2 * seed + k, rho, 0.5)) for k in range(2))
         found = diagnosed((joints[0], joints[1]), seed=seed).final_parameters
         for (key, name), true in TRUTH.items():
             low, high = found[key][name].ci95
             inside.append(low <= true <= high)
             width.append((high - low) / true)
-    assert np.mean(inside) >= 0.83  # fewer than 30 of 36 at 95 %: one case in 10^3
+    assert np.mean(inside) >= 0.83  # of 36 at 95 %, fewer than 30 hold in one case in 10^3
     assert max(width) < (0.05 if rho == 0.0 else 0.55)
 
 
@@ -66,12 +68,12 @@ def test_parts_of_a_log_that_disagree_widen_the_interval():
 def test_shape_parameters_have_intervals_too():
     waved = replace(SHORT, torque_noise=0.4, extra=lambda m: 1.5 * np.sin(11.0 * m.q))
     inside = []
-    for seed in range(4):
+    for seed in range(2):
         found = diagnosed((waved, waved), "torque_ripple", seed=seed).final_parameters["torque_ripple"]
         low, high = found["cycles_per_turn"].ci95
         assert high - low < 0.5
         inside.append(low <= 11.0 <= high)
-    assert sum(inside) >= 3
+    assert all(inside)
 
 
 @pytest.mark.parametrize(

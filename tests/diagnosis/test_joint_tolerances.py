@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from numpy.testing import assert_allclose
 
 from drake_tc.diagnosis.diagnose import diagnose_joint
@@ -94,6 +95,7 @@ def test_free_runs_are_given_the_torque_without_the_error(tmp_path):
 RIGS = 12
 
 
+@pytest.mark.slow
 def test_intervals_of_friction_hold_the_truth_of_rigs_with_errors_within_tolerance():
     """Every other rig knows its rotor inertia, which tells the sensor's scale; the others know its tolerance alone."""
     inside: list[bool] = []

@@ -12,6 +12,7 @@ from drake_tc.diagnosis.diagnose import diagnose_joint
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.problem.prepared import prepare_joint
 from drake_tc.diagnosis.problem.regression import fit
+from drake_tc.effects.library import effect
 from drake_tc.errors import LogError, RigError
 from drake_tc.logs.loads import Pendulum
 from drake_tc.logs.prepare import load_runs
@@ -24,6 +25,7 @@ LENGTH = 0.3
 MASSES = {"light_1": 0.5, "heavy_1": 1.4, "light_2": 0.5}
 BY_NAME = {"pendulum": {"mass": {"light_*": 0.5, "heavy_*": 1.4}, "length": LENGTH}}
 BASE = Swing(duration=14.0, constant=0.0, zero=0.0, encoder_noise=2e-5)
+NEAR = DiagnosisOptions(effects=(effect("load_dependent_friction"), effect("payload.pendulum")), assess_residual=False)
 
 
 def _swing(mass: float) -> Swing:
@@ -48,7 +50,7 @@ def test_each_run_has_its_own_load_torque():
 def test_the_right_masses_leave_nothing_and_give_the_drive_gain():
     runs = _runs()
     rig = rig_of(BASE, BY_NAME, drive_gain=None)
-    found = diagnose_joint(runs[:2], runs[2:], rig, "joint", DiagnosisOptions(assess_residual=False))
+    found = diagnose_joint(runs[:2], runs[2:], rig, "joint", NEAR)
     assert [e.id for e in found.effects] == []
     assert_allclose(found.final.gain, BASE.gain, rtol=2e-3)
     wrong = rig_of(BASE, {"pendulum": {"mass": 0.95, "length": LENGTH}}, drive_gain=None)

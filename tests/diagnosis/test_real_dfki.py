@@ -44,6 +44,7 @@ def test_every_run_shows_the_encoder_err_twice_a_motor_turn(data: Path, name: st
     assert_allclose(left(12.0)[1], 1.2e-3, rtol=0.35)  # rad: below half of the encoder's step of 2.9 mrad
 
 
+@pytest.mark.slow
 @pytest.mark.xfail(strict=True, reason="0.168 N*m in the band, for 0.15")
 def test_close_loop_reaches_the_ddp_run_in_the_band_that_the_training_runs_choose(data: Path) -> None:
     (joint,) = claims(data, ("ddp_alone_held_out",))["ddp_alone_held_out"].joints

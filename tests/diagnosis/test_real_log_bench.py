@@ -9,12 +9,10 @@ import pandas as pd
 import pytest
 from numpy.testing import assert_allclose
 
-from drake_tc.errors import DrakeTcError, ParamsError
 from drake_tc.logs.rig import load_rig
 from drake_tc.robot.robot import load_robot
 from tests.benchmarks.real_log_cases import RealLogCase, RealLogSet, case_files, import_set, load_set, load_sets
 from tests.benchmarks.real_log_claims import CaseClaims, claims_of
-from tests.benchmarks.real_logs import chosen_sets
 
 SETS = load_sets()
 RIGS = sorted({s.folder / case.rig for s in SETS.values() for case in s.cases if not case.rig_in_data})
@@ -25,11 +23,6 @@ def test_every_committed_rig_file_can_be_read(rig: Path) -> None:
     read = load_rig(rig)
     if read.robot is not None:
         assert set(read.joints) <= set(load_robot(read.robot).joints)
-
-
-@pytest.mark.parametrize("name", sorted(SETS))
-def test_every_set_has_cases_or_says_why_not(name: str) -> None:
-    assert bool(SETS[name].cases) != bool(SETS[name].not_readable)
 
 
 @pytest.mark.parametrize("name", sorted(name for name, s in SETS.items() if s.cases and s.importer is None))
@@ -60,42 +53,6 @@ def test_a_stretch_counts_from_the_first_sample(tmp_path: Path, clock: str) -> N
     first, second = (pd.read_parquet(paths[0])["k"].to_numpy() for paths in (files.log, files.holdout))
     assert_allclose(np.concatenate([first, second]), time, rtol=0.0, atol=1e-12)
     assert first[-1] < 2.0 <= second[0] + 1e-9
-
-
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        ("cases: [{name: a, rig: r.yaml, log: [x.csv]}]", "holdout"),
-        ("cases: [{name: a, rig: r.yaml, log: [x.csv], holdout: []}]", "holdout: expected at least 1 entry, got"),
-        (
-            "cases: [{name: a, rig: r.yaml, log: [{file: x.csv, from: 3, until: 2}], holdout: [y.csv]}]",
-            "log.0.: expected from < until",
-        ),
-        ("importer: nobody\ncases: []", "importer"),
-        ("cases: []\nrigs: []", "rigs"),
-    ],
-)
-def test_a_bad_list_of_cases_is_refused(tmp_path: Path, text: str, said: str) -> None:
-    with pytest.raises(ParamsError, match=said):
-        one_case(tmp_path / "set", text)
-
-
-def test_an_unknown_set_lists_the_sets() -> None:
-    with pytest.raises(DrakeTcError, match="bench-practice"):
-        chosen_sets(["nothing"])
-
-
-def test_cases_are_chosen_by_how_their_names_begin() -> None:
-    (chosen,) = chosen_sets(["bam-xl330-pendulum/motor/sin", "bam-xl330-pendulum/kp100/voltage"])
-    names = [case.name for case in chosen.cases]
-    assert names == [
-        "kp100/voltage",
-        "kp100/voltage/swapped",
-        "motor/sin_sin_held_out",
-        "motor/sin_time_square_held_out",
-    ]
-    with pytest.raises(DrakeTcError, match="no case of bench-practice begins with 'rig_9'; cases: rig_1"):
-        chosen_sets(["bench-practice/rig_9"])
 
 
 def effect(gain: float = 0.2, *, at_bound: bool = False) -> dict[str, Any]:
@@ -148,18 +105,6 @@ def test_a_claim_that_fails_on_one_run_is_named(bad: dict[str, Any] | None, said
     whole = other if said == "bound" else good
     (why,) = checked(whole, a=good, b=other).failures
     assert said in why
-
-
-def test_an_impossible_parameter_and_a_grown_error_are_named() -> None:
-    spring = effect()
-    spring["id"] = "cable_spring"
-    spring["parameters"] = {"spring_stiffness": spring["parameters"]["stribeck"] | {"value": -0.7}}
-    bad = report("effects_found", 1.2, spring)
-    bad["joints"]["j"]["error"]["before"]["heldout"] = 1.0
-    assert [why.split(": ", 1)[1] for why in checked(bad, a=bad).failures] == [
-        "cable_spring: spring_stiffness of -0.7 N*m is not possible",
-        "the error grew from 1 to 1.2 on a",
-    ]
 
 
 @pytest.mark.parametrize(("verdict", "against"), [("no_missing_effect", 1), ("unexplained_structure", 0)])

@@ -34,6 +34,7 @@ def test_after_the_import_torque_and_current_are_of_the_same_instant(folder: Pat
     assert lags[int(np.argmax(match))] == 0
 
 
+@pytest.mark.slow
 def test_inertia_brings_the_swung_log_far_below_the_published_model(data: Path) -> None:
     found = held_out(data, ("sysid_test_1",))["sysid_test_1"]
     assert "rotor_inertia" in {effect.id for effect in found.result.effects}

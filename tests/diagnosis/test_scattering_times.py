@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from few_effects import experiments_fit
 
 from drake_tc.diagnosis.data.preparation import build_samples
 from drake_tc.diagnosis.notes import ScatteringTimes
@@ -117,7 +118,8 @@ def test_the_noise_floor_is_what_the_scatter_leaves(tmp_path, scatter=1e-4):
         assert np.sqrt(np.mean(added[rows] ** 2)) == pytest.approx(np.sqrt(np.mean(variance[rows])), rel=within)
 
 
-def test_check_tells_the_scatter(tmp_path):
+def test_check_tells_the_scatter(tmp_path, monkeypatch):
+    experiments_fit(monkeypatch, "stribeck")
     *paths, rig = written(tmp_path, 1e-4)
     (told,) = [f for f in check_rig(rig, paths).joints["joint"].findings if f.name == "sample times"]
     assert told.value == pytest.approx(1e-4, rel=0.1)

@@ -2,9 +2,11 @@
 
 import json
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from few_effects import experiments_fit
 
 from drake_tc.actuation.model_file import load_models
 from drake_tc.diagnosis.options import DiagnosisOptions
@@ -14,8 +16,8 @@ from drake_tc.experiments.check.run import check_page, check_rig
 from drake_tc.experiments.design.known import joint_from_logs
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.rig import load_rig
-from drake_tc.report.html import render
 from drake_tc.report.data_files import result_json
+from drake_tc.report.html import render
 
 GAIN, COULOMB, VISCOUS, CARRIAGE, SCREW = 1 / 95.0, 25.0, 60.0, 12.0, 18.0
 """[A/N], [N], [N s/m], mass before the force sensor and reflected mass of rotor and screw [kg]."""
@@ -52,11 +54,15 @@ def logs(folder, **missing):
     return [write(folder / f"run{k}.csv", f, a, seed, **missing) for k, (f, a, seed) in enumerate(runs)]
 
 
-def diagnosed(folder, rig, options=None, **missing):
+def looking_for(*keys):
+    return DiagnosisOptions(effects=tuple(map(effect, keys)))
+
+
+def diagnosed(folder, rig, options, **missing):
     *train, held = logs(folder, **missing)
     path = folder / "rig.yaml"
     path.write_text(rig)
-    return close_loop(path, train, [held], options or DiagnosisOptions())
+    return close_loop(path, train, [held], options)
 
 
 MEASURED = "{joint: z, joint_type: prismatic, drive: current, load: torque, declared: {rotor_inertia: 18.0}}"
@@ -67,7 +73,7 @@ NEAR = ("cable_spring", "cable_spring.beside_weight", "payload.sliding", "quadra
 
 @pytest.fixture(scope="module")
 def rippled(tmp_path_factory):
-    return diagnosed(tmp_path_factory.mktemp("ripple"), MEASURED, ripple=RIPPLE)
+    return diagnosed(tmp_path_factory.mktemp("ripple"), MEASURED, looking_for("torque_ripple", *NEAR), ripple=RIPPLE)
 
 
 def test_the_ripple_of_the_screw_is_found_with_its_lead(rippled):
@@ -97,7 +103,7 @@ def test_the_model_file_says_that_the_joint_slides(rippled, tmp_path):
 
 
 def test_an_unknown_load_is_a_mass_and_a_constant_force_and_a_spring_is_found_beside_it(tmp_path):
-    quick = DiagnosisOptions(assess_residual=False, effects=tuple(map(effect, NEAR)))
+    quick = replace(looking_for(*NEAR), assess_residual=False)
     joint = diagnosed(tmp_path, UNKNOWN, quick, spring=STIFFNESS, sensor=False).joints["z"]
     title, load = joint.load
     assert title == "unknown load: mass and constant force"
@@ -109,7 +115,8 @@ def test_an_unknown_load_is_a_mass_and_a_constant_force_and_a_spring_is_found_be
     assert joint.effects[0].parameters["spring_stiffness"].unit == "N/m"
 
 
-def test_check_and_design_know_a_sliding_mass(tmp_path):
+def test_check_and_design_know_a_sliding_mass(tmp_path, monkeypatch):
+    experiments_fit(monkeypatch, "stribeck", "torque_ripple")
     *train, _ = logs(tmp_path)
     path = tmp_path / "rig.yaml"
     path.write_text(MEASURED)

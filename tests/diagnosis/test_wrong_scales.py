@@ -33,7 +33,7 @@ def found(joint: Joint, declared_gain: float, *keys: str) -> JointResult:
     return diagnose_joint(train, [record(joint, "held", 2.1, seed=9)], rig, "joint", options)
 
 
-@pytest.mark.parametrize("error", [-0.2, 0.25])
+@pytest.mark.parametrize("error", [-0.2, pytest.param(0.25, marks=pytest.mark.slow)])
 def test_a_wrong_scale_of_the_sensor_is_not_taken_for_a_wrong_drive_gain(error):
     joint = replace(NOISY, sensor=lambda m: error * m.tau)
     result = found(joint, joint.gain, "servo_gain", "torque_sensor_gain")
@@ -42,6 +42,7 @@ def test_a_wrong_scale_of_the_sensor_is_not_taken_for_a_wrong_drive_gain(error):
     assert low <= error <= high
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("error", [-0.2, 0.25])
 def test_a_wrong_drive_gain_is_not_taken_for_a_wrong_scale_of_the_sensor(error):
     result = found(NOISY, NOISY.gain * (1.0 + error), "servo_gain", "torque_sensor_gain")
@@ -59,7 +60,7 @@ def test_a_wrong_drive_gain_contributes_its_error_of_the_effort_that_the_load_ne
     assert result.effects[0].contribution == pytest.approx(error * np.sqrt(np.mean(need**2)), rel=0.2)
 
 
-@pytest.mark.parametrize("error", [-0.35, 0.3])
+@pytest.mark.parametrize("error", [pytest.param(-0.35, marks=pytest.mark.slow), 0.3])
 def test_a_wrong_scale_of_the_sensor_does_not_change_the_delay_beside_it(error):
     """The balance at a held drive gain has the effort that acts, not the recorded one, which is earlier."""
     joint, late = replace(Joint(torque_noise=0.05), sensor=lambda m: error * m.tau), 0.012

@@ -91,6 +91,7 @@ def test_a_missing_effect_larger_than_the_load_is_no_wrong_sign():
     require_consistent_signs(columns, declared, rig_of(joint), "joint")
 
 
+@pytest.mark.slow
 @pytest.mark.xfail(strict=True, reason="the declared fit has no gain, and is not told at the final one")
 def test_the_missing_effect_is_found_and_both_models_are_told_at_its_drive_gain():
     made, joint = mostly_friction(switch=0.14)
@@ -153,6 +154,7 @@ def with_integral_action(rate: float) -> tuple[Run, Joint]:
     return joint.run("run", columns), joint
 
 
+@pytest.mark.slow
 @pytest.mark.xfail(strict=True, reason="counts as distorted, and rows that count alike do not show it")
 def test_a_strong_integral_action_is_no_wrong_sign_and_is_found():
     """Its integral rate is above the frequencies of the motion, and the effort does not rise with the load."""

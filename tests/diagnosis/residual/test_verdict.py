@@ -9,12 +9,15 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from drake_tc.diagnosis.data.preparation import build_samples, context_of
+from drake_tc.diagnosis.diagnose import joint_model
+from drake_tc.diagnosis.evidence import Evidence
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.problem.columns import Columns, Term
+from drake_tc.diagnosis.problem.prepared import prepare_joint
 from drake_tc.diagnosis.problem.regression import fit, noise_floor
 from drake_tc.diagnosis.residual.over_time import loud_stretches
 from drake_tc.diagnosis.residual.unexplained import SEVERITY, DataSplit, Unexplained
-from drake_tc.diagnosis.residual.verdict import verdict_of, what_is_left
+from drake_tc.diagnosis.residual.verdict import verdict_of, visible_share, what_is_left
 from drake_tc.diagnosis.result.errors import run_errors
 from drake_tc.effects.library import effect
 
@@ -97,6 +100,22 @@ def test_what_is_not_assessed_is_not_flagged(columns):
     options = DiagnosisOptions(assess_residual=False)
     left, floor, _ = what_is_left(splits(columns, 9.0, 9.0), chosen, 1.0, context, options)
     assert (left.structured, left.excess, floor) == (False, False, 1.0)
+
+
+def test_what_could_have_been_seen_is_an_effort_of_four_standard_deviations_or_half_a_floor():
+    """Of the coefficient of a column that is the whitened effort itself: a log likelihood of 4^2/2."""
+    prepared = prepare_joint([record(JOINT, "one")], [record(JOINT, "held", 2.3, 2)], rig_of(JOINT), "joint")
+    evidence = Evidence(joint_model(prepared))
+    evidence = evidence.tempered(evidence.model.declared)
+    scored, train = evidence.score(evidence.model.declared), evidence.model.train
+    effort = train.recorded.effort(())
+    size = np.sqrt(np.mean(effort[train.rows.index] ** 2))
+    white = train.rows.whitened((effort / size)[:, None], evidence.noise)[0][:, 0]
+    deviation = np.sqrt(scored.posterior.variance / np.sum(white**2))  # of that coefficient alone
+    seen = visible_share(evidence, scored, 0.0) * evidence.model.scale
+    assert_allclose(seen, 4.0 * deviation, rtol=1e-9)
+    loud = 100.0 * seen
+    assert_allclose(visible_share(evidence, scored, loud) * evidence.model.scale, 0.5 * loud, rtol=1e-9)
 
 
 def test_the_floor_counts_the_inertia_that_was_found():
