@@ -105,7 +105,11 @@ PARTS = {
         "commands, pages of the documentation and plug-ins in full: every script, layout and refusal",
         ("cli/*", "docs/*", "plugin/*", "report/*", "test_doc_pages.py::*", "test_public_examples.py::*"),
     ),
-    "fuzz": Part("twenty thousand damaged inputs for the commands", ("fuzz/*",), alone=True),
+    "fuzz": Part(
+        "twenty thousand damaged inputs for the commands; logs with one fault",
+        ("fuzz/*", "logs/test_one_fault.py::*"),
+        alone=True,
+    ),
     "drawn-files": Part("model files, drawn ones too, in other simulators and in ours", ("exchange/*",)),
     "diagnosis": Part(
         "small blind benchmarks, of single joints, arms and a leg; effects that resemble each other",

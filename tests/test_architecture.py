@@ -87,6 +87,7 @@ def no_collection() -> Iterator[None]:
     """Syntax trees of the whole repository are millions of objects, which the garbage collector would visit often."""
     gc.disable()
     yield
+    nodes_of.cache_clear()
     gc.enable()
 
 

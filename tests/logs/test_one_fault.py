@@ -20,7 +20,7 @@ from drake_tc.logs.prepare import load_run, load_runs
 from .conftest import bench, servo_rig, write
 
 RIG = servo_rig(declared={"rotor_inertia": 0.3})
-PER_FAULT = 8
+SEEDS = [pytest.param(seed, marks=[pytest.mark.slow] if seed > 1 else []) for seed in range(8)]
 
 
 def recording() -> pd.DataFrame:
@@ -175,7 +175,7 @@ def test_the_sound_result_is_right(sound):
         assert low - slack <= value <= high + slack
 
 
-@pytest.mark.parametrize("seed", range(PER_FAULT))
+@pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("fault", FAULTS)
 def test_one_fault_changes_no_result_beyond_the_interval_of_the_sound_one(sound, sound_run, tmp_path, fault, seed):
     rng = np.random.default_rng([seed, list(FAULTS).index(fault)])
