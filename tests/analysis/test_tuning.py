@@ -6,13 +6,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from drake_tc.analysis.torque_loop.tuned import joint_tasks
-from drake_tc.analysis.tracking_error import (
-    JointTask,
-    filtered_task,
-    predicted_error,
-    predicted_noise,
-    sticking_error,
-)
+from drake_tc.analysis.tracking_error import JointTask, filtered_task, predicted_error, predicted_noise, sticking_error
 from drake_tc.analysis.tuning import (
     Goal,
     SearchSpace,

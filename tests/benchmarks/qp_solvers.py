@@ -6,6 +6,7 @@ PIQP is a proximal interior-point method (Schwan et al., CDC 2023), ProxQP a pri
 
 import numpy as np
 
+from drake_tc.tsid import qp as choose
 from drake_tc.tsid.qp import (
     Outcome,
     QpSolution,
@@ -16,7 +17,6 @@ from drake_tc.tsid.qp import (
     unsolved,
     usable_start,
 )
-from drake_tc.tsid import qp as choose
 
 try:
     import piqp

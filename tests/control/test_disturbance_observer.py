@@ -236,10 +236,7 @@ def test_the_mass_matrix_is_lagranges(robot):
         (lambda robot: ObserverSpec(limit=np.inf), "observer.limit: expected a positive number"),
         (lambda robot: ObserverSpec(delay=-1.0), "observer.delay: expected a time >= 0"),
         (lambda robot: ObserverSpec(torque="none"), "observer.torque: expected one of live, filtered, got 'none'"),
-        (
-            lambda robot: DisturbanceObserver(robot, models()[:1], ObserverSpec()),
-            "models: expected 2, one per joint",
-        ),
+        (lambda robot: DisturbanceObserver(robot, models()[:1], ObserverSpec()), "models: expected 2, one per joint"),
         (lambda robot: DisturbanceObserver(robot, models(), ObserverSpec(), 0.0), "dt: expected a positive period"),
         (
             lambda robot: DisturbanceObserver(robot, models(rotor=False), ObserverSpec()),

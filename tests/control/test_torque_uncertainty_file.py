@@ -5,11 +5,7 @@ import pytest
 import yaml
 from numpy.testing import assert_allclose
 
-from drake_tc.control.torque_uncertainty_file import (
-    TorqueUncertainty,
-    load_torque_uncertainty,
-    save_torque_uncertainty,
-)
+from drake_tc.control.torque_uncertainty_file import TorqueUncertainty, load_torque_uncertainty, save_torque_uncertainty
 from drake_tc.errors import ParamsError
 
 GOOD = {"schema": 1, "unit": "N*m", "joints": ["hip", "knee"], "covariance": [[4.0, 1.0], [1.0, 1.0]]}

@@ -230,10 +230,7 @@ def test_the_default_does_not_learn_slow_rocking_for_a_bias():
             lambda: build_tsid(scenario("stand", "{series_elastic: {model_factors: {ripple: 1.0}}}")),
             "series_elastic.model_factors: no 'ripple' in the models; there: coulomb, elasticity, gain",
         ),
-        (
-            lambda: build_tsid(scenario("stand", "{estimator: {tuning: {guess: 1.0}}}")),
-            "estimator.tuning: .*'guess'",
-        ),
+        (lambda: build_tsid(scenario("stand", "{estimator: {tuning: {guess: 1.0}}}")), "estimator.tuning: .*'guess'"),
     ],
 )
 def test_what_is_refused(make, message):

@@ -11,13 +11,7 @@ from pydrake.systems.primitives import VectorLogSink
 from scipy.signal import savgol_filter
 
 from drake_tc.errors import ParamsError
-from drake_tc.filtering.savitzky_golay import (
-    SavitzkyGolayFilter,
-    delay,
-    savgol_weights,
-    smooth,
-    smooth_causal,
-)
+from drake_tc.filtering.savitzky_golay import SavitzkyGolayFilter, delay, savgol_weights, smooth, smooth_causal
 
 DT = 1e-3
 

@@ -153,9 +153,7 @@ def test_torques_under_a_base_that_moves_hold_the_followers(tmp_path, link):
     terms = FloatingTerms(robot)
     scratch = terms.create_scratch()
     terms.carry(
-        scratch,
-        np.concatenate([*(to_imu @ part for part in parts), np.zeros(3)]),
-        np.concatenate([q, v[6:], a[6:]]),
+        scratch, np.concatenate([*(to_imu @ part for part in parts), np.zeros(3)]), np.concatenate([q, v[6:], a[6:]])
     )
     terms.place(scratch, q, v[6:])
     assert_allclose(terms.forces(scratch, a[6:]), expected, rtol=1e-9, atol=1e-9)

@@ -36,10 +36,7 @@ REFUSED = {
     "type": (SOUND.replace('type="revolute"', 'type="ball"', 1), "'hip': type 'ball' cannot be simulated"),
     "floating": (SOUND.replace('type="revolute"', 'type="floating"', 1), "expected one of revolute, continuous"),
     "no type": (SOUND.replace(' type="revolute"', "", 1), "'hip': type '' cannot be simulated"),
-    "deep": (
-        SOUND.replace("</robot>", "<a>" * 90 + "</a>" * 90 + "</robot>"),
-        "levels deep, got 91",
-    ),
+    "deep": (SOUND.replace("</robot>", "<a>" * 90 + "</a>" * 90 + "</robot>"), "levels deep, got 91"),
     "bomb": (
         '<!DOCTYPE r [<!ENTITY a "aaaaaaaaaa">'
         + "".join(f'<!ENTITY {b} "{f"&{a};" * 20}">' for a, b in zip("abcdefg", "bcdefgh", strict=True))

@@ -14,10 +14,7 @@ from drake_tc.types import FloatArray
 
 
 def full_qp(
-    terms: Terms,
-    tasks: Sequence[TaskRows],
-    limits: Sequence[LimitRows],
-    contact_acceleration: FloatArray | None = None,
+    terms: Terms, tasks: Sequence[TaskRows], limits: Sequence[LimitRows], contact_acceleration: FloatArray | None = None
 ) -> QuadraticProgram:
     """The full problem's matrices, those of `build_full`: rows of bounds, then of equalities, then all others."""
     sizes = sizes_of(terms)
@@ -52,11 +49,7 @@ def read_qp(program: MathematicalProgram) -> QuadraticProgram:
         gradient[places] += binding.evaluator().b()
     for binding in source.linear_costs():
         gradient[source.FindDecisionVariableIndices(binding.variables())] += binding.evaluator().a()
-    bindings = (
-        *source.bounding_box_constraints(),
-        *source.linear_equality_constraints(),
-        *source.linear_constraints(),
-    )
+    bindings = (*source.bounding_box_constraints(), *source.linear_equality_constraints(), *source.linear_constraints())
     rows, lower, upper = [np.zeros((0, size))], [np.zeros(0)], [np.zeros(0)]
     for binding in bindings:
         places, evaluator = source.FindDecisionVariableIndices(binding.variables()), binding.evaluator()

@@ -218,11 +218,7 @@ REFUSED = [
     (("period",), "soon", "period: expected a finite number, got 'soon'"),
     (("contact_damping",), -1.0, "contact_damping: expected a finite number >= 0"),
     (("rotor_inertia",), {"r_knee": -1.0}, "rotor_inertia.r_knee: expected a number >= 0, got -1.0"),
-    (
-        ("limits", "acceleration", "period"),
-        9e-4,
-        "limits.acceleration: period: expected the controller's period",
-    ),
+    (("limits", "acceleration", "period"), 9e-4, "limits.acceleration: period: expected the controller's period"),
     (("limits", "acceleration", "margin"), -1.0, "limits.acceleration: margin: expected a finite number >= 0"),
     (("limits", "capture_point"), {"period": 1e-4}, "limits.capture_point: period: expected the controller's period"),
     (("limits", "capture_point"), {"margin": -0.01}, "limits.capture_point: capture point: margin: expected a finite"),

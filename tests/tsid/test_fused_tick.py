@@ -181,9 +181,7 @@ def test_every_task_and_limit_gives_the_same_numbers_as_rows(law):
     """All of the library's, as tables and as rows of their own, with both feet and with one."""
     tabled = of(law.with_tasks(*all_tasks(law.model)), "individual")
     asked = replace(
-        tabled,
-        tasks=tuple(Plain(task) for task in tabled.tasks),
-        limits=tuple(Plain(limit) for limit in tabled.limits),
+        tabled, tasks=tuple(Plain(task) for task in tabled.tasks), limits=tuple(Plain(limit) for limit in tabled.limits)
     )
     assert not tabled.fused.asks
     assert asked.fused.asks

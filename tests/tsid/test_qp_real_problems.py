@@ -77,22 +77,6 @@ def test_the_reference_agrees(family):
         assert_allclose(cost(problem, one.x), cost(problem, other.x), rtol=0, atol=1e-9)
 
 
-@pytest.mark.parametrize("name", ["piqp", "proxqp"])
-@pytest.mark.parametrize("family", FAMILIES)
-def test_methods_that_iterate_reach_the_same_cost(name, family):
-    """ProxQP's own settings take steps towards the eighth and ninth saturated problem for proofs that there is none."""
-    for problem in real(family, 25)[:10]:
-        one, other = solver("daqp").solve(problem), solver(name).solve(problem)
-        assert other.outcome is Outcome.SOLVED
-        assert_allclose(cost(problem, one.x), cost(problem, other.x), rtol=0, atol=1e-6)
-
-
-def test_free_internal_forces_leave_the_cost_one_value():
-    for problem in real("free internal forces", 25):
-        costs = [cost(problem, solver(name).solve(problem).x) for name in ("daqp", "quadprog")]
-        assert_allclose(costs[0], costs[1], rtol=0, atol=1e-9)
-
-
 def motion(setup: Setup, ticks: int) -> list[QuadraticProgram]:
     """Along a line between two states, the reference of the centre of mass swinging."""
     rng = np.random.default_rng(5)

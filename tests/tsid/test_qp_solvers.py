@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from drake_tc.errors import ParamsError
-from drake_tc.tsid.qp import DEFAULT, OF_DRAKE, Outcome, QuadraticProgram, SolverUnavailableError
 from drake_tc.tsid import qp as choose
+from drake_tc.tsid.qp import DEFAULT, OF_DRAKE, Outcome, QuadraticProgram, SolverUnavailableError
 from tests.benchmarks.qp_solvers import SOLVERS, solver
 
 from .quadratic import Residuals, cost, crude, has_a_point, random

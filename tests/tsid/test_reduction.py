@@ -180,9 +180,7 @@ def test_units_of_a_contact_do_not_matter(scale):
         torque = np.random.default_rng(0).normal(size=30) * 20
         vdot, force = reduce(terms, [], []).full(torque)
         other = replace(
-            terms,
-            contact_jacobian=units[:, None] * terms.contact_jacobian,
-            contact_bias=units * terms.contact_bias,
+            terms, contact_jacobian=units[:, None] * terms.contact_jacobian, contact_bias=units * terms.contact_bias
         )
         changed = reduce(other, [], []).full(torque)
         assert_allclose(changed[0], vdot, atol=1e-6 * np.abs(vdot).max())

@@ -237,10 +237,7 @@ def test_orientation_comes_home_from_far_away():
         (lambda m: PostureTask(m, [1, 2], 1), r"task 'posture': kp: expected a number or 3 of them"),
         (lambda m: FrameTask(m, "head", 1, 1), r"task 'head': no frame 'head'; frames: base, upper"),
         (lambda m: FrameTask(m, "hand", 1, -1), r"task 'hand': kd: expected finite numbers >= 0"),
-        (
-            lambda m: FrameTask(m, "hand", 1, 1, axes_of="hand"),
-            r"expected one of world, frame, reference, got 'hand'",
-        ),
+        (lambda m: FrameTask(m, "hand", 1, 1, axes_of="hand"), r"expected one of world, frame, reference, got 'hand'"),
         (lambda m: OrientationTask(m, "head", 1, 1), r"task 'head': no frame 'head'"),
         (lambda m: OrientationTask(m, "hand", 1, 1, mask=[1, 0, 0]), r"mask: expected 3 of true or false"),
     ],

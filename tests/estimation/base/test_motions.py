@@ -154,27 +154,3 @@ def test_in_another_frame_of_the_world_it_is_the_same(clean):
     there = run_log(CopEstimator(walker(), spec(PERIOD)), clean.log, start, clean.truth.rpy[0, 2] + turn)
     assert_allclose(there.position, here.position @ R.T + shift, atol=1e-9)
     assert_allclose(there.rpy[:, 2], here.rpy[:, 2] + turn, atol=1e-9)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("frequency", [0.5, 1.0])
-def test_figures_of_the_turns(frequency):
-    """At most a fifth of the baseline's errors (run with -s): 4 s at 500 Hz, three seeds."""
-    found = []
-    for seed in (1, 2, 3):
-        made = construct(Motion(duration=4.0, period=2e-3, frequency=frequency), REAL, seed)
-        sizes = []
-        for method in (CopEstimator, FootCentreEstimator):
-            start, yaw = made.truth.position[0], made.truth.rpy[0, 2]
-            track = run_log(method(walker(), spec(2e-3)), made.log, start, yaw)
-            sizes.append(size(track_error(track, made.truth)))
-            mm, mm_s, degrees = sizes[-1] * (1e3, 1e3, 180.0 / np.pi)
-            print(
-                f"\n{frequency} Hz, seed {seed}, {method.__name__}: {mm:.2f} mm, {mm_s:.2f} mm/s, {degrees:.3f} deg",
-                end="",
-            )
-        found.append(sizes)
-    ours, baseline = np.array(found).swapaxes(0, 1)
-    shares = np.max(ours / baseline, axis=0)
-    print(f"\nworst share of the baseline: {shares.round(3)}")
-    assert (shares <= 0.2).all()

@@ -12,13 +12,7 @@ from drake_tc.diagnosis.diagnose import diagnose_joint
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagrams.papers.faraji2015 import sea_bode, sea_held
 from drake_tc.diagrams.papers.faraji2015.sea_excitation import Excitation, record_excitation
-from drake_tc.diagrams.papers.faraji2015.sea_laws import (
-    MOMENTUM,
-    OBSERVER,
-    PI,
-    PREDICTED,
-    with_law,
-)
+from drake_tc.diagrams.papers.faraji2015.sea_laws import MOMENTUM, OBSERVER, PI, PREDICTED, with_law
 from drake_tc.diagrams.papers.faraji2015.sea_motor import simulated_value
 from drake_tc.errors import IdentificationError, ParamsError
 from drake_tc.identification.motor_prior import PriorWidths, identify_motor

@@ -38,10 +38,7 @@ SPECS = {
     "servo": (TorqueLoopSpec(controller="servo"), 0.0),
     "sensor": (TorqueLoopSpec(torque_from="sensor", sensors="perfect"), 0.0),
     "observer": (TorqueLoopSpec(predictor=PredictorSpec(), observer=ObserverSpec()), 0.0),
-    "encoder_lost": (
-        TorqueLoopSpec(faults={"encoder": (SensorFault("dropped", 0.25, 0.3, channels=(3,)),)}),
-        0.0,
-    ),
+    "encoder_lost": (TorqueLoopSpec(faults={"encoder": (SensorFault("dropped", 0.25, 0.3, channels=(3,)),)}), 0.0),
 }
 
 

@@ -122,11 +122,7 @@ def test_default_gains_leave_every_joint_its_margins_with_the_other_loops_closed
     simulator = Simulator(diagram)
     simulator.AdvanceTo(1.2)
     cut = open_loop(
-        diagram,
-        simulator.get_context(),
-        perfect.dt,
-        "torque_control:command",
-        relative_to="torque_control:position",
+        diagram, simulator.get_context(), perfect.dt, "torque_control:command", relative_to="torque_control:position"
     )
     for name, found in loop_margins(cut).items():
         assert max(found.gain_margin, 1.0 / found.gain_margin) >= 2.0 * 0.99, name

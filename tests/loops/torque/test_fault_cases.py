@@ -60,18 +60,6 @@ def test_a_failing_sensor_is_flagged_and_the_robot_stays_safe(name):
         assert np.abs(recording.velocity[-1]).max() < 0.05
 
 
-@pytest.mark.slow
-def test_every_fault_is_flagged_within_50_ms():
-    """All cases, each run until well after it has to be flagged."""
-    found = [
-        outcome(situation, case, duration=start + 0.06).flagged_after
-        for situation, (_, _, start) in SITUATIONS.items()
-        for case in CASES
-    ]
-    assert len(found) == len(SITUATIONS) * len(CASES)
-    assert max(found) <= 0.05
-
-
 @pytest.mark.parametrize("gain", [1.0, pytest.param(0.1, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(
     "sensor",

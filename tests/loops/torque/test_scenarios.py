@@ -195,9 +195,7 @@ def test_files_that_cannot_be_read(tmp_path):
             read_mapping(path)
 
 
-def test_a_payload_in_a_model_file_reaches_plant_and_controller(
-    tmp_path,
-):
+def test_a_payload_in_a_model_file_reaches_plant_and_controller(tmp_path):
     """The leg carries 6 kg more at its shank: a controller that knows it holds, one that does not sags."""
     entry = diagram_entry("hrp2_leg")
     scenario = entry.scenario("hanging", text="{duration: 1.2, sensors: perfect, tare: 0.0, base_from: fixed}")

@@ -21,11 +21,7 @@ from drake_tc.diagrams.papers.delprete2016.complete_model import (
     drive_estimates,
     read_logs,
 )
-from drake_tc.diagrams.papers.delprete2016.identification import (
-    Experiment,
-    experiment_scenarios,
-    off_line_torque,
-)
+from drake_tc.diagrams.papers.delprete2016.identification import Experiment, experiment_scenarios, off_line_torque
 from drake_tc.diagrams.papers.delprete2016.leg_models import STEM, leg_models, write_leg_models
 from drake_tc.diagrams.papers.delprete2016.table1 import family_factor, identify_table1
 from drake_tc.loops.recording import write_log

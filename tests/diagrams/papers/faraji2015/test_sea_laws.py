@@ -3,13 +3,7 @@
 import pytest
 from numpy.testing import assert_allclose
 
-from drake_tc.diagrams.papers.faraji2015.sea_laws import (
-    LARGEST_PEAK,
-    LAWS,
-    LEAST_DELAY_MARGIN,
-    NO_GAIN,
-    margins_of,
-)
+from drake_tc.diagrams.papers.faraji2015.sea_laws import LARGEST_PEAK, LAWS, LEAST_DELAY_MARGIN, NO_GAIN, margins_of
 
 
 @pytest.mark.slow
