@@ -34,7 +34,7 @@ from tests.diagnosis.rigs import Joint, Motion, record, rig_of
 
 @pytest.fixture(scope="session")
 def odds(checked) -> EffectOdds:
-    return EffectOdds(checked.fitted, checked.fitted.usable[:12])
+    return EffectOdds(checked.fitted, checked.fitted.usable)
 
 
 @pytest.mark.parametrize("key", ["quadratic_viscous", "load_dependent_friction", "torque_sensor_drift"])
@@ -100,9 +100,7 @@ EFFECTS: Mapping[str, Callable[[Motion], np.ndarray]] = {
 """Torque of size 1."""
 QUICKEST = "load_dependent_friction"
 """The others are slow."""
-LOOKED_FOR = tuple(
-    map(effect, (*EFFECTS, "payload", "stribeck", "quadratic_viscous", "torque_sensor_gain", "delay.loop"))
-)
+NEAR = ("payload", "stribeck", "quadratic_viscous", "torque_sensor_gain")
 SCALES = tuple(map(effect, ("servo_gain", "torque_sensor_gain", "torque_sensor_bias", "stribeck", "deadzone")))
 """The error of a declared gain, what resembles it, and what the demo's joint lacks."""
 
@@ -115,13 +113,13 @@ def recorded(joint: Joint) -> list[Run]:
     "key", [QUICKEST, *(pytest.param(key, marks=pytest.mark.slow) for key in EFFECTS if key != QUICKEST)]
 )
 def test_a_diagnosis_finds_an_effect_above_its_smallest_size_and_not_far_below_its_easiest(key):
-    runs = recorded(SENSED)
-    found = joint_effects(prepare_joint(runs[:2], runs[2:], rig_of(SENSED), "joint"), LOOKED_FOR)
+    runs, near = recorded(SENSED), tuple(map(effect, (key, *NEAR)))
+    found = joint_effects(prepare_joint(runs[:2], runs[2:], rig_of(SENSED), "joint"), near)
     told = next(each for each in found.effects if each.key == key)
 
     def named(size: float) -> set[str]:
         acting = recorded(replace(SENSED, extra=lambda m: size * EFFECTS[key](m)))
-        options = DiagnosisOptions(effects=LOOKED_FOR, assess_residual=False)
+        options = DiagnosisOptions(effects=near, assess_residual=False)
         return {each.id for each in diagnose_joint(acting[:2], acting[2:], rig_of(SENSED), "joint", options).effects}
 
     assert named(2.0 * max(told.smallest, told.separable or 0.0)) & {key, *told.not_separable_from}
@@ -197,7 +195,7 @@ def test_torques_of_unknown_scale_are_stated_in_the_unit_of_the_effort(prepared)
     train.samples = replace(
         prepared.train.samples, units=JointUnits("revolute", "position_servo", torque_as_effort=True)
     )
-    told = joint_effects(replace(prepared, train=train))
+    told = joint_effects(replace(prepared, train=train), SCALES)
     assert not [each.key for each in told.effects if "N*m" in each.size.unit + each.reason]
     declared = next(f for f in findings(told.fitted) if f.name == "declared model")
     assert "drive gain of" not in declared.text and "declare drive_gain" in declared.text

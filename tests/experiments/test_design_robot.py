@@ -234,6 +234,7 @@ def test_intervals_are_in_proportion_to_the_noise_and_the_motion_is_not_changed(
     assert any("because no log was given" in each for each in design_robot(arm, robot_limits(arm), QUICK).sentences)
 
 
+@pytest.mark.slow
 def test_no_group_of_parameters_is_identified_worse_than_by_sinusoids(arm):
     """D-optimality gives up Coulomb friction for base parameters."""
     options = replace(QUICK, duration=15.0, iterations=30)

@@ -38,14 +38,6 @@ def test_a_case_that_the_design_refuses_or_doubts_is_no_promise():
     assert not any("separated" in row.name for row in decided_rows([]))  # a share of no case is no figure
 
 
-def test_a_scaled_pair_has_both_effects_scaled_on_the_same_joint():
-    pair = Pair(("backlash", 2e-3), ("delay", 4e-3))
-    half = pair.scaled(0.5)
-    assert (half.first, half.second) == (("backlash", 1e-3), ("delay", 2e-3))
-    assert drawn_joint(half, half.first, 4).spec == drawn_joint(pair, pair.first, 4).spec
-    assert drawn_joint(half, half.first, 4).causes["backlash"]["half_gap"] == pytest.approx(5e-4)
-
-
 def test_a_wrong_drive_gain_is_an_error_of_the_rig_file():
     pair = Pair(("servo_gain", 0.15), ("payload", 3.0))
     wrong = drawn_joint(pair, pair.first, 4)

@@ -25,7 +25,7 @@ from drake_tc.logs.rig import parse_rig, rig_document
 from drake_tc.types import GRAVITY
 
 LIMITS = JointLimits((-0.7, 0.9), 2.0, 9.0, jerk=300.0, torque=60.0, bandwidth_hz=2.0)
-QUICK = DesignOptions(duration=20.0, starts=1, iterations=40)
+QUICK = DesignOptions(duration=20.0, starts=1, iterations=15)
 HEAVY = KnownLoad(4.0, 0.5)
 STEP = 5e-3
 
@@ -123,8 +123,7 @@ def test_slow_passes_cover_the_range_at_nearly_constant_speed_in_both_directions
     assert 0.4 < np.mean(motion[1] > 0.0) < 0.6
 
 
-@pytest.mark.parametrize("pair", ["torque_sensor_gain,servo_gain", "servo_gain,torque_sensor_gain"])
-def test_effects_that_are_one_function_without_loads_are_two_with_them(pair):
+def test_effects_that_are_one_function_without_loads_are_two_with_them(pair="torque_sensor_gain,servo_gain"):
     """Of a balanced link the torque is J_l qddot: a wrong sensor and a wrong drive scale the same column."""
     joint = joint_of(gravity=0.0, gain=True)
     goal = parse_goal(f"tell:{pair}")
@@ -163,6 +162,14 @@ def test_motions_under_loads_keep_every_limit_with_their_load_and_are_worth_it()
     assert isinstance(design, LoadDesign) and design.gain > 1.1
     assert sum(run.seconds for run in design.runs) == pytest.approx(20.0)
     n = joint.numbers
+    alone = design_joint(joint, LIMITS, goal, QUICK)
+
+    def size(expected):  # geometric mean of the intervals
+        return np.exp(np.mean([np.log(each.after) for each in expected]))
+
+    # the determinant also counts correlations, which the widths of the intervals do not show
+    assert 0.5 < design.gain * size(design.expected) / size(design.without) < 2.0
+    assert size(design.without) < 1.05 * size(alone.expected)
     for run in design.runs:
         _, (q, v, a, j) = run.design.motion(500.0)
         weight, inertia = run.load.mass * GRAVITY * run.load.arm, run.load.mass * run.load.arm**2
@@ -172,21 +179,6 @@ def test_motions_under_loads_keep_every_limit_with_their_load_and_are_worth_it()
         for found, most in ((v, 2.0), (a, 9.0), (j, 300.0), (torque, 60.0)):
             assert np.abs(found).max() <= most * (1.0 + 1e-3)
         assert_allclose([v[0], v[-1], a[0], a[-1]], 0.0, atol=1e-6)
-
-
-def test_the_gain_is_that_of_the_standard_errors_over_the_best_motion_without_loads():
-    joint = joint_of(gravity=6.0)
-    goal = parse_goal("parameters:load_dependent_friction")
-    design = design_with_loads(joint, LIMITS, goal, QUICK, (KnownLoad(0.0), HEAVY))
-    alone = design_joint(joint, LIMITS, goal, QUICK)
-    assert isinstance(design, LoadDesign)
-
-    def size(expected):  # geometric mean of the intervals
-        return np.exp(np.mean([np.log(each.after) for each in expected]))
-
-    # the determinant also counts correlations, which the widths of the intervals do not show
-    assert 0.5 < design.gain * size(design.expected) / size(design.without) < 2.0
-    assert size(design.without) < 1.05 * size(alone.expected)
 
 
 def test_loads_that_do_not_help_are_said_so_and_the_design_is_the_one_without_them():

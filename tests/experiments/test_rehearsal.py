@@ -4,8 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from few_effects import diagnoses_look_for
 from numpy.testing import assert_allclose
 
+from drake_tc.effects.library import effect
 from drake_tc.errors import ParamsError
 from drake_tc.experiments.causes import CAUSES, cause_values, size_in
 from drake_tc.experiments.rehearsal.run import (
@@ -25,17 +27,20 @@ from drake_tc.logs.loads import UnknownLoad
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.rig import load_rig
 
+from .conftest import looking_for
+
 
 @pytest.fixture(scope="module")
 def read(demo):
     rig = load_rig(demo[0])
-    return rig, load_runs([*demo[1], *demo[2]], rig)
+    return rig, load_runs([*demo[1][:1], *demo[2]], rig)
 
 
 @pytest.fixture(scope="module")
 def twin(read):
     rig, runs = read
-    return twin_of(rig, runs, rig.joints[0])
+    with looking_for(tuple(map(effect, ("cable_spring", "stribeck", "thermal_friction", "rotor_inertia")))):
+        return twin_of(rig, runs, rig.joints[0])
 
 
 @pytest.fixture(scope="module")
@@ -64,7 +69,8 @@ def test_the_same_seed_gives_the_same_runs_and_another_one_other_noise(twin, sim
     assert np.std(same[torque] - other[torque]) > 0.0
 
 
-def test_a_large_effect_is_found_and_counted_by_size_and_none_where_there_is_none(twin):
+def test_a_large_effect_is_found_and_counted_by_size_and_none_where_there_is_none(twin, monkeypatch):
+    diagnoses_look_for(monkeypatch, "cable_spring", "stribeck", "quadratic_viscous")
     found = rehearse(twin, "cable_spring", 8.0, [twin.runs[-1].name], repeats=1, factors=(1.0,))
     assert [p.size for p in found.points] == [0.0, 8.0]
     assert found.points[0].found == 0
