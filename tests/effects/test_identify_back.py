@@ -211,6 +211,7 @@ def identify(key: str, case: Case) -> Mapping[str, Mapping[str, Estimate]]:
     return result.final_parameters
 
 
+@pytest.mark.slow
 def test_a_curve_over_the_position_is_found_with_other_knots():
     found = identify("position_dependent_load", CASES["position_dependent_load"])["position_dependent_load"]
     curve = effect("position_dependent_load")
@@ -230,20 +231,26 @@ WRONG: Mapping[tuple[str, bool], str] = {
 """Effects that are identified back wrongly, and whether the drive gain is declared."""
 
 
+FAST = {
+    *("rotor_inertia", "stribeck", "presliding_hysteresis", "thermal_friction", "torque_ripple", "payload"),
+    *("deadzone", "saturation", "servo_integrator", "current_lag", "delay.loop", "elasticity", "backlash"),
+    *("torque_sensor_gain", "encoder_eccentricity.separate"),
+}
+"""Some of friction, load, drive, gear and sensors; the others are slow."""
 ASKED = [
     *((key, False) for key in CASES if key != "position_dependent_load"),
     *((key, True) for key in ("torque_sensor_gain", "elasticity", "directional_efficiency")),
 ]
 
 
+def marks_of(key, held):
+    wrong = [pytest.mark.xfail(strict=True, reason=WRONG[key, held])] if (key, held) in WRONG else []
+    return wrong if key in FAST and not held else [*wrong, pytest.mark.slow]
+
+
 @pytest.mark.parametrize(
     ("key", "gain_declared"),
-    [
-        pytest.param(
-            key, held, marks=[pytest.mark.xfail(strict=True, reason=WRONG[key, held])] if (key, held) in WRONG else []
-        )
-        for key, held in ASKED
-    ],
+    [pytest.param(key, held, marks=marks_of(key, held)) for key, held in ASKED],
 )
 def test_simulate_then_identify_back_within_the_stated_interval(key, gain_declared):
     """The last three scale the load torque, and are found beside a free drive gain and beside a declared one."""

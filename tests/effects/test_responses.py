@@ -1,9 +1,10 @@
 """Step responses of drive effects and gears against closed forms."""
 
 import numpy as np
+import pytest
 from numpy.testing import assert_allclose
 
-from drake_tc.effects.base import JointNumbers, plain_signals
+from drake_tc.effects.base import Context, JointNumbers, plain_signals
 from drake_tc.effects.library import effect
 
 PERIOD = 1e-3
@@ -68,3 +69,23 @@ def test_size_1_of_friction_that_warms_takes_the_same_share_off_both_frictions()
     (unit,) = warm.unit_coefficients(numbers)
     added = warm.columns(signals, {"thermal_rate": 1e-6}) @ unit
     assert_allclose(added, -(3.0 * np.sign(v) + 6.0 * v) / 3.0, rtol=1e-5)  # the rate bends the line by 5e-7
+
+
+@pytest.mark.parametrize(
+    ("key", "size"),
+    [
+        ("stribeck", 0.4 * 5.0),  # of the Coulomb friction, as a peak at rest
+        ("presliding_hysteresis", 0.4 * 5.0),
+        ("torque_ripple", 0.2 * 5.0),
+        ("effort_bias", 0.2 * 5.0),
+        ("cable_spring", 0.1 * 20.0 / 1.5),  # a tenth of the largest torque over the whole travel
+        ("quadratic_viscous", 0.2 * 6.0 / 2.0),  # a fifth of the viscous friction at the largest speed
+        ("deadzone", 0.05 * 2.0),
+        ("saturation", 0.8 * 2.0),
+        ("load_dependent_friction", 0.1),
+    ],
+)
+def test_the_size_that_matters_is_a_share_of_what_the_joint_has(key, size):
+    numbers = JointNumbers(0.1, viscous=6.0, coulomb=5.0, inertia=0.3, torque=20.0, effort=2.0, speed=2.0, span=1.5)
+    context = Context(drive="current", load="torque", recorded=frozenset())
+    assert_allclose(effect(key).typical_size(numbers, context), size, rtol=1e-12)

@@ -5,6 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from drake_tc.errors import IdentificationError
+from drake_tc.identification.actuator import ratio_interval
 from drake_tc.identification.identify import identify
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import parse_rig
@@ -78,3 +79,15 @@ def test_refusals():
     bare = Run("a", None, run.time, 1e-3, {"knee/position": run.columns["knee/position"]}, run.segment)
     with pytest.raises(IdentificationError, match="knee/torque"):
         identify([bare], RIG)
+
+
+@pytest.mark.parametrize("correlation", [-0.8, 0.8])
+def test_the_interval_of_a_ratio_is_that_of_drawn_pairs(correlation):
+    x, k, dx, dk = 0.5, -2.0, 0.005, 0.02  # one per cent each: of first order
+    covariance = [[dx**2, correlation * dx * dk], [correlation * dx * dk, dk**2]]
+    drawn = np.random.default_rng(0).multivariate_normal([x, k], covariance, 100_000)
+    around = [(mean - 1.96 * d, mean + 1.96 * d) for mean, d in ((x, dx), (k, dk))]
+    low, high = ratio_interval(around[0], x, around[1], k, correlation)
+    assert_allclose(0.5 * (low + high), x / k, rtol=1e-12)
+    # a deviation of as many draws scatters by 0.2 %
+    assert_allclose(0.5 * (high - low), 1.96 * np.std(drawn[:, 0] / drawn[:, 1]), rtol=0.02)
