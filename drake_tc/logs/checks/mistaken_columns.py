@@ -121,7 +121,8 @@ def sign_evidence(run: Run, rig: Rig, joint: str) -> SignEvidence | None:
     gains = [coefficients[4], *(np.linalg.lstsq(columns[part], y[part], rcond=None)[0][4] for part in parts)]
     drag = others[:, 1:3] @ coefficients[1:3]
     power = np.linalg.norm(y - y.mean()) * np.linalg.norm(qd)
-    friction = float(np.clip(drag @ qd / power, -1.0, 1.0)) if power > 0 else 0.0
+    changes = qd - qd.mean()  # at one constant speed friction cannot be told from the effort's zero
+    friction = float(np.clip(drag @ changes / power, -1.0, 1.0)) if power > 0 else 0.0
     following = _following(run, rig, joint) if rig.drive[joint] == "position_servo" else 0.0
     steady = all(np.sign(third) == np.sign(correlation) for third in thirds)
     inertia = _partial(y, qdd, np.column_stack([others[:, 1:], tau]))

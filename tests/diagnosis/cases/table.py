@@ -10,7 +10,6 @@ WRONG: frozenset[str] = frozenset(
     {
         "drive: a constant torque beside a load 3 % too large",
         "faults: degrees declared as radians are refused",
-        "faults: one constant speed is refused",
         "gear: play of 1.2 mrad",
         "load: unknown without a scale, position servo",
         "load: unknown, position servo",
