@@ -40,7 +40,7 @@ demo: $(VENV)/.installed ## install, simulate a bench, close the loop on it; the
 bench: $(VENV)/.installed-test ## run a benchmark: NAME=tick; without NAME, list them
 	$(BIN)/python -m tests.benchmarks $(NAME)
 
-test: lint unit times wheel ## all checks, about twenty minutes on two cores
+test: lint unit times wheel ## all checks, about fifteen minutes on two cores
 
 lint: $(VENV)/.installed-test
 	$(BIN)/ruff check .
