@@ -28,7 +28,7 @@ from drake_tc.diagnosis.priors import (
     UNIFORM,
 )
 from drake_tc.diagnosis.problem.columns import CACHE_BYTES, Term, drives
-from drake_tc.diagnosis.split import LATE_RECORD, Split, stands_for, starts_unknown, with_clean, with_needed
+from drake_tc.diagnosis.split import AVERAGED, LATE_RECORD, Split, stands_for, starts_unknown, with_clean, with_needed
 from drake_tc.effects.base import Context, Effect
 from drake_tc.effects.check import plausible_range
 from drake_tc.effects.servo_gain import ServoGain
@@ -198,9 +198,9 @@ class JointModel:
 
     @property
     def _averaged(self) -> float:
-        """Lag of a servo's damping [s] that looks like a position averaged over its period T, q + T^2/24 qddot."""
+        """Lag of a servo's damping [s] that looks like a position averaged over its period, see `AVERAGED`."""
         damping = self.gain * self.viscous
-        return self.train.samples.signals.period**2 / (24.0 * damping) if damping > 0.0 else 0.0
+        return AVERAGED * self.train.samples.signals.period**2 / damping if damping > 0.0 else 0.0
 
     def against_position(self, channel: str) -> FloatArray:
         """(a,) weights of the ages in the age of a channel against the position."""
@@ -214,7 +214,7 @@ class JointModel:
         return frozenset(number for number, channel in enumerate(self.ages) if channel in held)
 
     def nuisances(self, split: Split) -> list[Block]:
-        """Columns of the ages, of what friction near rest differs from its law, and of what joints share."""
+        """Columns of ages and averages of channels, of friction near rest off its law, and of what joints share."""
         out, columns = [], split.age_columns(self.ages, self.viscous)
         for number, (mean, deviation) in enumerate(self.ages.values()):
             prior = Prior(np.array([mean]), np.array([deviation]), np.zeros(1, dtype=bool))

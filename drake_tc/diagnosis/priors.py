@@ -91,7 +91,6 @@ PASSED_ON = 0.05
 MOST_EFFECTS = 6
 BEAM = 3
 
-
 # Signs of columns, and whether the declared model can be fitted at all
 
 NO_STIFFNESS = 1e-9
@@ -122,6 +121,7 @@ LEAST_EFFORT = 0.05
 
 SAME_ERROR = 0.02
 """Rise of the cross-validated error that a simpler form of a declared effect or load may bring."""
+
 # What is left
 
 LEAST_FLOORS = 1.5

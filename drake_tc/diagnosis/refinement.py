@@ -3,7 +3,7 @@
 Every choice is made on the training runs alone. The refined model is accepted where
 
 1. refined on the other runs, it follows each left-out run in turn better: the mean absolute position error over all of
-   them falls by at least `LEAST_GAIN`,
+   them falls by at least `LEAST_FREE_RUN_GAIN`,
 2. refined on all of them, it follows the whole training runs better by the same share, and
 3. its numbers are physically possible, as far as those of the equation error were.
 

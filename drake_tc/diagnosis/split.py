@@ -22,6 +22,9 @@ LATE_RECORD = {"command": -1.0, "effort": 1.0, "torque": 1.0}
 record that is late makes this age smaller. What is inside a servo acts, and is not recorded. A late position makes the
 records of all other channels early."""
 
+AVERAGED = 1.0 / 24.0
+"""Factor of T^2 d^2x/dt^2 by which the mean of x over a period T differs from x in its middle."""
+
 
 @dataclass(frozen=True, eq=False)
 class Split:
@@ -168,10 +171,10 @@ class Split:
         return np.asarray(self._kept["age", channel])
 
     def averaged(self, channel: str) -> FloatArray:
-        """(N,) what the mean of a channel x over its period T changes in the balance, x + T^2/24 d^2x/dt^2."""
+        """(N,) what a channel changes in the balance that is the mean over its period, see `AVERAGED`."""
         if ("averaged", channel) not in self._kept:
             period = self.samples.torque_period if channel == "torque" else self.samples.effort_period
-            change = -(period**2) / 24.0 * rate_inside(self.slope_of(channel), self.samples)
+            change = -AVERAGED * period**2 * rate_inside(self.slope_of(channel), self.samples)
             self._kept["averaged", channel] = self.samples.reduce(change)
         return np.asarray(self._kept["averaged", channel])
 

@@ -89,8 +89,9 @@ def _louder(channels: Channels, name: str, memory: float) -> float:
 
     At the low frequencies of the regression the density of samples every T is T coth(T/(2 memory)).
     """
-    own, log = float(np.median(channels.ratios(name))) * channels.period, channels.period
-    return float(np.sqrt(own * np.tanh(log / max(2.0 * memory, 1e-9)) / (log * np.tanh(own / max(2.0 * memory, 1e-9)))))
+    periods = channels.period * np.array([1.0, np.median(channels.ratios(name))])
+    log, own = periods / np.tanh(periods / (2.0 * memory)) if memory > 0.0 else periods
+    return float(np.sqrt(own / log))
 
 
 def _recorded_noise(channels: Channels, name: str) -> float:
