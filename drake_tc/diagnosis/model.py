@@ -202,6 +202,11 @@ class JointModel:
         damping = self.gain * self.viscous
         return AVERAGED * self.train.samples.signals.period**2 / damping if damping > 0.0 else 0.0
 
+    @property
+    def averages(self) -> list[str]:
+        """Channels that may be averages over their periods; that of a servo's position is in the age of the rate."""
+        return [channel for channel in ("effort", "torque") if channel in self.ages]
+
     def against_position(self, channel: str) -> FloatArray:
         """(a,) weights of the ages in the age of a channel against the position."""
         position = -LATE_RECORD.get(channel, 0.0)
@@ -219,7 +224,7 @@ class JointModel:
         for number, (mean, deviation) in enumerate(self.ages.values()):
             prior = Prior(np.array([mean]), np.array([deviation]), np.zeros(1, dtype=bool))
             out.append(Block(columns[:, [number]], prior))
-        out += [self._averaged_channel(split, each) for each in ("effort", "torque") if each in self.ages]
+        out += [self._averaged_channel(split, each) for each in self.averages]
         out.append(self._friction_form(split))
         if self.common_zero:
             one = np.ones((split.samples.rows.size, 1))
@@ -242,9 +247,12 @@ class JointModel:
         return Block(split.near_rest, prior, of_log=False)
 
     def noise_of_ages(self, number: int) -> FloatArray:
-        """(N, a) noise of a channel in the columns of the ages."""
-        own, noisy = self.train, self.train.noisy[number]
-        return noisy.age_columns(self.ages, self.viscous) - own.age_columns(self.ages, self.viscous)
+        """(N, a) noise of a channel in the columns of ages and averages."""
+        noisy, own = (
+            np.column_stack([split.age_columns(self.ages, self.viscous), *map(split.averaged, self.averages)])
+            for split in (self.train.noisy[number], self.train)
+        )
+        return np.asarray(noisy - own)
 
     def of_runs(self, split: Split, spread: "RunSpread") -> list[Block]:
         """Columns of what differs from run to run: Coulomb and viscous friction, and the zero of the effort."""
