@@ -46,6 +46,8 @@ from drake_tc.types import FloatArray, IntArray
 BLOCK = 32
 """Samples of a block; blocks overlap by half."""
 LEAST_BLOCKS = 60
+LEAST_REST = 8
+"""Samples over which a command that does not change rests."""
 LOWEST = 0.25
 """Lowest frequency, over the sampling rate."""
 ROUNDS = 20
@@ -131,19 +133,30 @@ def command_scatter(command: FloatArray, segments: Sequence[slice], period: floa
 
     A command that is held until its next step is read with a random age of up to one step, and errs by the speed times
     this age. That of a regular pattern of the two clocks lies near a few frequencies, and passes no filter: the band
-    with the least error counts.
+    with the least error counts. A command that rests, or jumps between rests, has an age that the log shows.
 
     Args:
         command: (T,) [rad].
         segments: Uniform stretches.
         period: [s].
     """
-    power, speed2 = _blocks(command, segments, period)
+    power, speed2 = _blocks(command, _changing(command, segments), period)
     if len(speed2) < LEAST_BLOCKS or not np.any(speed2 > 0.0):
         return 0.0
     fits = [_fitted(part, speed2) for part in np.array_split(power, BANDS, axis=1)]
     _, growth, deviation = min(fits, key=lambda fit: fit[1])
     return float(np.sqrt(growth)) if growth > CERTAIN * deviation else 0.0
+
+
+def _changing(command: FloatArray, segments: Sequence[slice]) -> list[slice]:
+    """The stretches of a command (T,) between its rests of at least `LEAST_REST` samples."""
+    out = []
+    for s in segments:
+        changes = s.start + np.flatnonzero(np.diff(command[s], prepend=np.nan, append=np.nan))
+        ends = np.flatnonzero(np.diff(changes) > LEAST_REST)
+        starts = changes[np.append(0, ends + 1)]
+        out += [slice(int(a), int(b)) for a, b in zip(starts, changes[np.append(ends, -1)], strict=True)]
+    return out
 
 
 def _blocks(position: FloatArray, segments: Sequence[slice], period: float) -> tuple[FloatArray, FloatArray]:

@@ -143,3 +143,18 @@ def test_the_regular_pattern_of_two_clocks_is_no_scatter(period: float) -> None:
     """Its frequencies are those at which the clocks beat."""
     time = np.arange(12000) * period + 0.3e-3
     assert command_scatter(_read(time, HOLD), [slice(0, time.size)], period) < 0.02 * HOLD
+
+
+def test_a_command_that_jumps_and_rests_is_read_at_instants_that_the_log_shows() -> None:
+    jumps = np.repeat(np.random.default_rng(5).uniform(-1.0, 1.0, 40), 250)
+    assert command_scatter(jumps, [slice(0, jumps.size)], 2e-3) == 0.0
+    slow = np.repeat(motion(np.arange(1200) * 20e-3)[0], 10)  # held for ten samples of 2 ms
+    assert command_scatter(slow, [slice(0, slow.size)], 2e-3) == 0.0
+
+
+def test_rests_between_which_a_command_follows_a_curve_hide_no_scatter() -> None:
+    rng = np.random.default_rng(4)
+    time = np.arange(6000) * 4e-3
+    read = motion(time - HOLD * rng.random(time.size))[0]
+    resting = np.concatenate([np.full(400, read[0]), read, np.full(400, read[-1])])
+    assert command_scatter(resting, [slice(0, resting.size)], 4e-3) == pytest.approx(HOLD / np.sqrt(12.0), rel=0.1)
