@@ -180,7 +180,7 @@ class JointModel:
         samples, drive = self.train.samples, self.context.drive
         mean, spread = (x * samples.effort_period for x in AGE_PERIODS)
         if samples.effort_age > 0.0 and drive == "position_servo":
-            mean = 0.0  # the mean over the hold is taken already
+            mean, spread = 0.0, UNIFORM * samples.effort_period  # the mean over the hold is taken already
         lag, unknown = SERVO_LAG_S if drive == "position_servo" else DRIVE_LAG_S
         if drive == "position_servo":
             half = 0.5 * self._averaged
@@ -286,9 +286,11 @@ class JointModel:
         """The model linearised at a fit: `theta` (k,) of the terms, K, and the ages of the channels [s]."""
         beta, measured = np.concatenate([[1.0 / gain], theta]), self.context.load == "torque"
         own = {channel: age for channel, age in ages.items() if channel not in stands_for(drives(terms))}
-        there = [split.with_load_at(terms, beta) for split in (self.train, self.held)]
+        there = [split.with_load_at(terms, beta, own.get("torque", 0.0)) for split in (self.train, self.held)]
         train, held = (
-            replace(with_needed(split.recorded, terms, beta, measured=measured, ages=own), bent=split.bent)
+            replace(
+                with_needed(split.recorded, terms, beta, measured=measured, ages=own), bent=split.bent, late=split.late
+            )
             for split in there
         )
         return replace(self, train=train, held=held)

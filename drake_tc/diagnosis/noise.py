@@ -1,11 +1,12 @@
 """Noise of the rows: white noise beside a slow discrepancy, and what the sensors' own noise leaves in them.
 
-The residual of a model on the rows is n + d: n white, of variance s^2 (1 + c e^(-|v|/v_r) + m (v/v_rms)^2); d what
-the model does not explain, an Ornstein-Uhlenbeck process of variance r s^2 and correlation time T that begins anew in
-each run. c is what a model of friction leaves near rest, where the force is not that of sliding and its direction is
-that of a creep. m is what instants that scatter leave: a command that is held, or a bus that is late now and then, errs
-by the speed times a time. All are estimated from the residual itself by maximum likelihood. Whitening by the Kalman
-filter of n + d is exact for gaps.
+The residual of a model on the rows is n + d: n white, of variance s^2 (1 + c q + m (v/v_rms)^2); d what the model does
+not explain, an Ornstein-Uhlenbeck process of variance r s^2 and correlation time T that begins anew in each run. c is
+what a model of friction leaves near rest, where the force is not that of sliding, its direction is that of a creep, and
+the instant at which it turns lies anywhere between two samples. It passes the filters: q is the share of e^(-|v|/v_r)
+under their squared kernel. m is what instants that scatter leave: a command that is held, or a bus that is late now and
+then, errs by the speed times a time. All are estimated from the residual itself by maximum likelihood. Whitening by the
+Kalman filter of n + d is exact for gaps.
 
 **The most probable effort and load**, given what a model needs and how loud the noise of either record is, are
     x = w + l * (u - w),   l(f) = 1 - S_u(f)/S(f)
@@ -92,9 +93,15 @@ class Rows:
 
     @cached_property
     def _at_rest(self) -> FloatArray:
-        """(N,) e^(-|v|/v_r) of all rows."""
-        speed = np.abs(self.samples.signals.velocity[self.samples.rows])
-        return np.asarray(np.exp(-speed / max(NEAR_REST * rms(speed), 1e-300)))
+        """(N,) share of e^(-|v|/v_r) that passes both filters to all rows; v is 0 where it changes its sign."""
+        samples, velocity = self.samples, self.samples.signals.velocity
+        speed, turns = np.abs(velocity), np.flatnonzero(np.diff(np.sign(velocity)))
+        speed[turns] = speed[turns + 1] = 0.0
+        kernel = np.convolve(samples.light.kernels[0], samples.kernel.kernels[0]) ** 2
+        near = np.exp(-speed / max(NEAR_REST * rms(speed[samples.rows]), 1e-300))
+        ends = (np.pad(near[s], kernel.size // 2, mode="edge") for s in samples.segments)
+        passed = np.concatenate([np.convolve(each, kernel, "valid") for each in ends])
+        return np.asarray(passed[samples.rows] / kernel.sum())
 
     @cached_property
     def _moving(self) -> FloatArray:
@@ -153,7 +160,9 @@ def drawn_noise(samples: Samples, *, measured: bool) -> list[Samples]:
         noise = light.smooth(third * np.hypot(own, level.command_scatter * s.velocity))
         changes.append({"effort": noise} | ({"command": noise} if samples.floor.servo else {}))
     return [
-        replace(samples, signals=replace(s, **{name: getattr(s, name) + more for name, more in each.items()}))
+        replace(
+            samples, signals=replace(s, **{name: getattr(s, name) + more for name, more in each.items()})
+        ).with_settled_margins()
         for each in changes
     ]
 
@@ -240,7 +249,7 @@ def _spectrum(samples: Samples, values: FloatArray) -> FloatArray | None:
     edge, total, count, rate = samples.light.margin, np.zeros(SPECTRUM // 2 + 1), 0, 1.0 / samples.signals.period
     for part in samples.segments:
         inner = slice(part.start + edge, part.stop - edge)
-        turns = np.flatnonzero(np.diff(samples.moving[inner], prepend=False, append=False))
+        turns = np.flatnonzero(np.diff(samples.sliding[inner], prepend=False, append=False))
         for start, stop in zip(turns[::2], turns[1::2], strict=True):
             own = values[inner][start:stop]
             if own.size > edge:

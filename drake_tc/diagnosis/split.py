@@ -43,6 +43,7 @@ class Split:
         fit: Terms and [1/K, theta ...] that computed w.
         measured: Whether a sensor tells the load torque.
         bent: (T,) what `bent_load` has added to the recorded load [N m].
+        late: Signals with the load as it was recorded, where those of the samples are without its age.
     """
 
     recorded: Columns
@@ -57,6 +58,7 @@ class Split:
     fit: tuple[Sequence[Term], FloatArray] = ((), np.ones(1))
     measured: bool = False
     bent: FloatArray | float = 0.0
+    late: Signals | None = None
 
     @property
     def samples(self) -> Samples:
@@ -75,13 +77,13 @@ class Split:
 
     @cached_property
     def _error(self) -> FloatArray:
-        """(T,) what the model lacks of the effort, l * (u - w), or u - w at rest, where friction leaves it open."""
+        """(T,) what the model lacks of the effort, l * (u - w), or u - w near rest, where friction leaves it open."""
         return np.asarray(self.arrived - self.modelled - self._unexplained + self._followed(self._unexplained))
 
     @property
     def _unexplained(self) -> FloatArray:
-        """(T,) u - w in motion [effort]."""
-        return np.where(self.samples.moving, self.arrived - self.modelled, 0.0)
+        """(T,) u - w in steady motion [effort]."""
+        return np.where(self.samples.sliding, self.arrived - self.modelled, 0.0)
 
     @cached_property
     def load(self) -> FloatArray:
@@ -127,12 +129,18 @@ class Split:
 
     @property
     def channels(self) -> Mapping[str, "Aged"]:
-        """What the age of each channel does, but that of the rate in a servo."""
+        """What the age of each channel does, but that of the rate in a servo.
+
+        A torque's age is sought in its slow part: a step along the slope of the fast part would go past it. At an age
+        that is not linear, all of the torque is as late, and the load of these samples is without this age.
+        """
+        late = self.ages.get("torque", 0.0)
+        torque = self.load if late else self.samples.signals.slow_torque
         return {
             "command": Aged(self.clean.samples.signals.command, -1.0),  # as in `inside`: the two differ by the motion
             "inside": Aged(self.latent, -1.0),
             "effort": Aged(-self.latent, 1.0),
-            "torque": Aged(self.gain * self.samples.signals.slow_torque, 1.0),
+            "torque": Aged(self.gain * torque, 1.0, late),
         }
 
     def slope_of(self, channel: str) -> FloatArray:
@@ -184,16 +192,23 @@ class Split:
         older = -sum(late * own[c] for c, late in LATE_RECORD.items() if c in own)
         return np.stack([older if c == "position" else own[c] for c in channels], axis=1)
 
-    def with_load_at(self, terms: Sequence[Term], beta: FloatArray) -> "Split":
-        """The split whose recorded load is that at the position errors of a fit, see `bent_load`."""
-        bent = bent_load(self.samples, terms, beta)
-        more = bent - self.bent
+    def with_load_at(self, terms: Sequence[Term], beta: FloatArray, age: float) -> "Split":
+        """The split whose recorded load is that at the position errors and at the age of the torque [s] of a fit."""
+        samples, s, bent, late = self.samples, self.samples.signals, self.bent, self.late
+        if self.measured:
+            late = late or s
+            load, slow = (moved(each, samples, age) for each in (late.load_torque, late.slow_torque))
+            more = load - s.load_torque
+            known = replace(s, load_torque=load, expected_torque=load, slow_torque=slow)
+        else:
+            bent = bent_load(samples, terms, beta)
+            more = bent - self.bent
+            known = replace(s, known_torque=s.known_torque + more)
         if not np.any(more):
             return self
-        known = replace(self.samples.signals, known_torque=self.samples.signals.known_torque + more)
-        target = self.recorded.target + self.samples.reduce(more)
-        recorded = self.recorded.changed(samples=replace(self.samples, signals=known), target=target)
-        return replace(self, recorded=recorded, bent=bent)
+        target = self.recorded.target + samples.reduce(more)
+        recorded = self.recorded.changed(samples=replace(samples, signals=known), target=target)
+        return replace(self, recorded=recorded, bent=bent, late=late)
 
     def of(self, term: Term) -> FloatArray:
         """(N, k) columns [N m] of a term; of ages of channels, where these are linearised."""
@@ -218,19 +233,21 @@ class Split:
         return self.samples.reduce(s.direction * np.exp(-np.abs(s.velocity) / slow), fresh=True)[:, None]
 
     def curvature(self, channel: str, age: float) -> float:
-        """RMS over the rows of f(a) - a df/da(0) of a channel [effort]."""
+        """RMS over the rows of f(a) - a df/da(0) of a channel [effort], of all of a torque."""
         aged = self.channels[channel]
+        if channel == "torque":
+            aged = replace(aged, values=self.gain * self.load)
         off = aged.change(self.samples, age) - age * aged.slope(self.samples, 0.0)
         return rms(self.samples.reduce(_inside(off, self.samples)))
 
     @cached_property
     def _aged(self) -> dict[str, FloatArray]:
         """(N,) f(a) - a df/da of each channel at its age a."""
+        changes = {channel: self.channels[channel].change(self.samples, age) for channel, age in self.ages.items()}
+        changes |= {"torque": np.zeros(len(self.samples.signals))} if "torque" in changes else {}  # it is in the load
         return {
-            channel: self.samples.reduce(
-                _inside(self.channels[channel].change(self.samples, age) - age * self.slope_of(channel), self.samples)
-            )
-            for channel, age in self.ages.items()
+            channel: self.samples.reduce(_inside(change - self.ages[channel] * self.slope_of(channel), self.samples))
+            for channel, change in changes.items()
         }
 
     @cached_property
@@ -326,20 +343,23 @@ class Aged:
     """What the age a of a channel does to the recorded effort: f(a) = d (x(t + d a) - x(t)), d = 1 or -1.
 
     Attributes:
-        values: (T,) x [effort].
+        values: (T,) x(t + d a_0) [effort].
         way: d, -1 where the drive acts on what is older than its record.
+        at: a_0 [s].
     """
 
     values: FloatArray
     way: float
+    at: float = 0.0
 
     def change(self, samples: Samples, age: float) -> FloatArray:
         """(T,) f(a)."""
-        return np.asarray(self.way * (moved(self.values, samples, self.way * age) - self.values))
+        ends = (moved(self.values, samples, self.way * (each - self.at)) for each in (age, 0.0))
+        return np.asarray(self.way * (next(ends) - next(ends)))
 
     def slope(self, samples: Samples, age: float) -> FloatArray:
         """(T,) df/da."""
-        return rate_inside(moved(self.values, samples, self.way * age), samples)
+        return rate_inside(moved(self.values, samples, self.way * (age - self.at)), samples)
 
 
 def moved(values: FloatArray, samples: Samples, by: float) -> FloatArray:
@@ -452,7 +472,6 @@ def with_needed(
         if is_filter(term):
             modelled = samples.by_segment(term.effect, term.shape, modelled, undo=True)
     modelled = moved(modelled, samples, late) + of_command
-    modelled = modelled + gain * Aged(s.slow_torque, 1.0).change(samples, ages.get("torque", 0.0))
     behind = () if starts_unknown(terms) else terms  # the effort behind an integrator is not recorded
     arrived = recorded.acting_effort([term for term in behind if not is_filter(term)])
     shares = shares or latent_shares(samples, arrived - modelled, gain)

@@ -1,17 +1,20 @@
 """Noise of the rows against dense covariances and processes whose correlation is known."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 
 from drake_tc.diagnosis.data.preparation import build_samples
 from drake_tc.diagnosis.data.samples import Samples
-from drake_tc.diagnosis.noise import NoiseModel, drawn_noise, fitted_noise, independent_share
+from drake_tc.diagnosis.diagnose import joint_model
+from drake_tc.diagnosis.noise import NoiseModel, Rows, drawn_noise, fitted_noise, independent_share
+from drake_tc.diagnosis.problem.prepared import prepare_joint
 from drake_tc.kernels.calls import Kernel
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import parse_rig
 from drake_tc.types import FloatArray, IntArray
+from tests.diagnosis.rigs import Joint, motion, record, rig_of
 
 whiten = Kernel("filters", "whiten")
 
@@ -132,3 +135,44 @@ def test_the_drawn_noise_of_a_pendulum_s_load_is_that_between_two_logs_of_one_mo
     for name in ("load_torque", "slow_torque"):
         own, two, new = (getattr(each, name)[inner] for each in (one.signals, other.signals, drawn))
         assert np.std(new - own) == pytest.approx(np.std(two - own) / np.sqrt(2.0), rel=0.15)
+
+
+def test_a_turn_between_two_samples_counts_as_near_rest_by_the_squared_kernel() -> None:
+    """Friction that turns at any instant within a period errs by a pulse, which both filters pass."""
+    period, turn = 0.04, 400
+    time = period * np.arange(800)
+    columns = {
+        "joint/position": np.pi * np.abs(time - time[turn] + 0.5 * period) + 1e-3 * np.sin(3.0 * time),
+        "joint/current": np.sin(time),
+    }
+    columns["joint/torque"] = np.cos(time)
+    run = Run("turn", None, time, period, columns, np.zeros(time.size, np.int64))
+    rig = parse_rig({"joint": "joint", "drive": "current", "load": "torque", "declared": {"rotor_inertia": 0.1}})
+    samples = build_samples([run], rig, "joint", width_s=0.16, final_s=0.16)
+    rng, rows = np.random.default_rng(0), Rows(samples)
+    kernel = np.convolve(samples.light.kernels[0], samples.kernel.kernels[0])
+    drawn = np.zeros((2000, time.size))
+    drawn[:, turn - 1] = rng.uniform(-0.5, 0.5, 2000)
+    passed = np.array([np.convolve(each, kernel, "same") for each in drawn])[:, samples.rows]
+    variance, near = passed.var(axis=0), rows.variances(NoiseModel(rest=1.0)) - 1.0
+    assert np.corrcoef(variance, near)[0, 1] > 0.95
+    far = np.abs(samples.rows - turn) > kernel.size
+    assert near[far].max() < 1e-6 < near.max()
+
+
+def test_a_shifted_torque_leaves_what_a_torque_in_time_leaves() -> None:
+    """A split at the age of a late torque has the load of the log whose torque is in time."""
+    joint, late = Joint(torque_noise=0.0, encoder_noise=0.0), 6e-3
+    run, m = record(joint, "run", 0.4, 0), motion(joint, 0.4)
+    steps = round(late / joint.period)
+    delayed = np.concatenate([np.full(steps, m.tau[0]), m.tau[:-steps]])
+    shifted = replace(run, columns={**run.columns, "joint/torque": delayed})
+    models = [joint_model(prepare_joint([each], [each], rig_of(joint), "joint")) for each in (run, shifted)]
+    theta = np.array([joint.viscous, joint.coulomb])
+    there = models[1].relinearised(models[1].declared, theta, joint.gain, {"torque": late})
+    again = there.relinearised(there.declared, theta, joint.gain, {"torque": late})
+    both, own, other = np.intersect1d(models[0].train.samples.rows, there.train.samples.rows, return_indices=True)
+    inner = (both > 100) & (both < len(m.tau) - 100)
+    expected = models[0].train.recorded.target[own][inner]
+    np.testing.assert_allclose(there.train.recorded.target[other][inner], expected, atol=1e-4 * np.std(expected))
+    np.testing.assert_allclose(again.train.recorded.target, there.train.recorded.target, rtol=1e-12)

@@ -192,7 +192,7 @@ def build_samples(
     rows, block = choose_rows(moving, segments, final, light, period)
     moments = None if timing is None else timing_of_rows(timing.time, channels, light, final, v, rows)
     require_rows(rows, moving, resolution, final, f"joint {joint}, {', '.join(r.name for r in runs)}")
-    return Samples(
+    samples = Samples(
         signals=signals,
         segments=segments,
         light=light,
@@ -215,6 +215,7 @@ def build_samples(
         effort_period=channels.slowest([rig.command_column(joint)]),
         torque_period=channels.slowest([f"{joint}/torque"]),
     )
+    return samples.with_settled_margins()
 
 
 def _between_samples(

@@ -1,10 +1,12 @@
 """The rows of a regression: one joint's filtered signals, and which of them take part."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, partial
+from typing import Any, Self
 
 import numpy as np
+from scipy.ndimage import minimum_filter1d
 
 from drake_tc.config.joint_units import TURNING, JointUnits
 from drake_tc.diagnosis.data.resolution import NoiseFloor, Resolution
@@ -15,6 +17,9 @@ from drake_tc.types import BoolArray, FloatArray, IntArray
 
 LONGEST_MEMORY = 0.5
 """Of a filter of the effort [s]."""
+MOTION = ("position", "velocity", "acceleration")
+TORQUES = ("load_torque", "expected_torque", "slow_torque", "effort", "command")
+"""Signals that the light kernel has passed."""
 
 
 @dataclass(frozen=True)
@@ -117,6 +122,26 @@ class Samples:
         out = values[segment].copy()
         edge = min(self.light.margin, (out.size - 1) // 2)
         out[:edge], out[out.size - edge :] = out[edge], out[out.size - 1 - edge]
+        return out
+
+    def with_settled_margins(self) -> Self:
+        """These samples, the margins of every filtered signal as in `settled`."""
+
+        def everywhere(values: FloatArray) -> FloatArray:
+            return np.concatenate([self.settled(values, segment) for segment in self.segments])
+
+        changed: dict[str, Any] = {name: everywhere(getattr(self.signals, name)) for name in (*MOTION, *TORQUES)}
+        return replace(self, signals=replace(self.signals, **changed))
+
+    @cached_property
+    def sliding(self) -> BoolArray:
+        """(T,) where the direction of motion stays resolved for as long as the light kernel sees.
+
+        Closer to a reversal the kernel mixes friction of both directions.
+        """
+        out = np.zeros(self.moving.size, dtype=bool)
+        for s in self.segments:
+            out[s] = minimum_filter1d(self.moving[s].astype(np.uint8), 2 * self.light.margin + 1, mode="nearest")
         return out
 
     @cached_property

@@ -203,3 +203,23 @@ def test_a_report_that_is_silent_in_motion_is_told(zeros, told):
     silent = [note for note in samples.notes if isinstance(note, SilentEffort)]
     assert [(note.run, note.column) for note in silent] == [("made", "joint/current")] * told
     assert not told or 0.8 <= silent[0].share < 0.9
+
+
+def test_one_run_does_not_reach_into_the_margins_of_the_next() -> None:
+    """The kernels mix the runs where these meet; no filter that is computed later may see it."""
+    near, far = record(JOINT, "near"), record(JOINT, "far", 1.0)
+    moved = {"joint/current": far.columns["joint/current"] + 100.0}
+    alone, both = (
+        build_samples(runs, rig_of(JOINT), "joint", width_s=0.03, final_s=0.03)
+        for runs in ([near], [near, replace(far, columns={**far.columns, **moved})])
+    )
+    assert_allclose(both.signals.effort[: alone.signals.effort.size], alone.signals.effort, rtol=1e-12, atol=1e-12)
+
+
+def test_friction_is_known_a_kernel_away_from_a_reversal() -> None:
+    samples = build_samples([record(JOINT)], rig_of(JOINT), "joint")
+    near, turns = samples.light.margin, np.flatnonzero(np.diff(samples.moving.astype(int)))
+    assert turns.size > 2 and 0.5 < samples.sliding.mean() < samples.moving.mean()
+    for turn in turns:
+        assert not samples.sliding[max(turn - near + 1, 0) : turn + near].any()
+    assert not np.any(samples.sliding & ~samples.moving)
