@@ -1,6 +1,6 @@
 """Which set of effects: the largest log odds, by a beam over sets that grow, shrink and exchange effects."""
 
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -64,7 +64,10 @@ CONTENDERS = 3
 FEW_ROWS = 200.0
 """Independent rows below which a search does not see weak effects among some forty."""
 PASSES = 3
-SETTLING = 2
+SETTLING, MOST_SETTLING = 2, 8
+"""Least and largest number of linearisations of a set."""
+STILL = 0.3
+"""Step of an age over the standard deviation of its prior, below which it has arrived."""
 SHAPES = 4
 """Starting points of a long grid that are tried beside each set, those that correlate most with its residual."""
 
@@ -265,29 +268,38 @@ def _compared(
             distortions.append(evidence.distortion(scored))
             sensible = scored if possible(evidence, scored) else _impossible(scored)
             tried.append((_without_columns(evidence), sensible))
-    tried = equally_noisy(tried)
-    return tried, [pair for pair, distortion in zip(tried, distortions, strict=True) if distortion <= DISTORTED]
+    trusted = [distortion <= DISTORTED for distortion in distortions]
+    tried = equally_noisy(tried, trusted=trusted)
+    return tried, [pair for pair, own in zip(tried, trusted, strict=True) if own]
 
 
 def _pool(sets: Sets, kept: Sequence[Scored]) -> list[Scored]:
-    """Every set that a beam from these sets and from the declared one scores, the most probable first."""
+    """Every set that a beam from these sets and the declared one scores, and each delay of a sensor alone, by odds."""
     declared = sets.score(sets.evidence.model.declared)
-    pool = _beam(sets, [*(sets.score(each.terms) for each in kept), declared])
+    delays = [Term(e, {}) for e in sets.effects if e.ages_of and e.coefficients]
+    late = [sets.score([*declared.terms, delay]) for delay in delays]
+    found = _beam(sets, [*(sets.score(each.terms) for each in kept), declared])
+    pool = list({s.ids: s for s in [*found, *late] if np.isfinite(s.log_odds)}.values())
     alike = equally_noisy([(sets.evidence, s) for s in pool], declared.log_odds + NAMED)
     return sorted((s for _, s in alike), key=lambda s: -s.log_odds)
 
 
-def equally_noisy(sets: Sequence[tuple[Evidence, Scored]], least: float = -np.inf) -> list[tuple[Evidence, Scored]]:
+def equally_noisy(
+    sets: Sequence[tuple[Evidence, Scored]], least: float = -np.inf, trusted: Sequence[bool] | None = None
+) -> list[tuple[Evidence, Scored]]:
     """The sets with the odds that they have if all let as much of the sensors' noise through as the loudest one.
 
     A set that lets less through, by a small drive gain or by noise that cancels, leaves less without explaining more.
     Sets with noise models of their own are compared by the white noise that they tell of effort and load. The noise of
     a set counts against a part of itself only if it is in what the set leaves, and less is left beside it.
-    `least`: log odds from which a set counts among the loud ones.
+    `least`: log odds from which a set counts among the loud ones. `trusted`: which may count; None takes all.
     """
     left = [s.left / evidence.noise_gain for evidence, s in sets]
     noise = [s.passed * n for n, (_, s) in zip(left, sets, strict=True)]
-    loud = [(s, n, own) for n, own, (_, s) in zip(left, noise, sets, strict=True) if s.log_odds > least]
+    counts = [True] * len(sets) if trusted is None else trusted
+    loud = [
+        (s, n, own) for n, own, (_, s), yes in zip(left, noise, sets, counts, strict=True) if yes and s.log_odds > least
+    ]
     out = []
     for variance, own, (evidence, s) in zip(left, noise, sets, strict=True):
         others = [its for t, n, its in loud if not s.ids < t.ids or 0.0 <= n - its <= variance - own]
@@ -299,10 +311,21 @@ def equally_noisy(sets: Sequence[tuple[Evidence, Scored]], least: float = -np.in
 
 
 def _contenders(pool: Sequence[Scored], kept: Collection[frozenset[str]]) -> list[Scored]:
-    """The most probable sets of a pool, sorted by odds, the best so far, and the best of those with fewer effects."""
+    """The most probable sets of a pool, sorted by odds, and some others.
+
+    These are the best so far, the best of those with fewer effects, and the simplest with each delay of a sensor: its
+    odds are those of a first step, whose error other effects take up.
+    """
     most, others = pool[:CONTENDERS], pool[CONTENDERS:]
     smaller = [s for s in others if len(s.terms) < min(len(t.terms) for t in most)]
-    return [*most, *smaller[:1], *(s for s in others if s.ids in kept and s not in smaller[:1])]
+    out = [*most, *smaller[:1], *(s for s in others if s.ids in kept and s not in smaller[:1])]
+    fewest = min(pool, key=lambda s: len(s.terms))
+    delays = {t.effect.key for s in pool for t in s.terms if t.effect.ages_of and t.effect.coefficients}
+    for delay in sorted(delays):
+        simple = min((s for s in pool if delay in s.ids), key=lambda s: len(s.terms))
+        if simple not in out and simple.log_odds > fewest.log_odds:
+            out.append(simple)
+    return out
 
 
 def simplest(settled_sets: Sequence[tuple[Evidence, Scored]]) -> tuple[Evidence, Scored]:
@@ -376,13 +399,25 @@ def settled(evidence: Evidence, scored: Scored) -> tuple[Evidence, Scored]:
 
     The model is linearised at the coefficients that noise does not bias, if these are possible. In the others, columns
     without noise, such as the age of a command, take over a part of noisy ones, at ages that the log does not have.
+    A long age is reached in several steps: there are more while one moves an age on by a part of its prior.
     """
-    for _ in range(SETTLING):
+    ages = [evidence.ages(scored)]
+    for _ in range(MOST_SETTLING):
         true = evidence.corrected(scored)
         at = true if possible(evidence, true) else scored
         evidence = Evidence(evidence.relinearised(at), evidence.noise, evidence.spread).heard(scored.terms)
         scored = evidence.refined(evidence.score(scored.terms))
+        ages.append(evidence.ages(scored))
+        if len(ages) > SETTLING and not _on_its_way(ages, evidence.model.ages):
+            break
     return evidence, scored
+
+
+def _on_its_way(ages: Sequence[Mapping[str, float]], priors: Mapping[str, tuple[float, float]]) -> bool:
+    """Whether the age that the last step moved most, over its prior, went on in the direction of the step before."""
+    last, before = ({c: (b[c] - a[c]) / priors[c][1] for c in b} for a, b in (ages[-2:], ages[-3:-1]))
+    most = max(last, key=lambda channel: abs(last[channel]))
+    return abs(last[most]) > STILL and last[most] * before[most] > 0.0
 
 
 def pruned(evidence: Evidence, scored: Scored) -> Scored:

@@ -123,7 +123,7 @@ def _recorded_late(fitted: FittedJoint) -> list[Finding]:
 
 def age_of(fitted: FittedJoint, channel: str) -> Age:
     """The age of a channel of the most probable model, by its prior and by a delay for which it stands."""
-    evidence, best = fitted.evidence, fitted.best
+    evidence, best = fitted.evidence, fitted.evidence.corrected(fitted.best)
     weights, at = evidence.model.against_position(channel), evidence.places_of_ages(best)
     variance = float(weights @ best.posterior.covariance[at, at] @ weights)
     delays = [t.effect for t in fitted.found if t.effect.ages_of.get(channel) and t.effect.coefficients]
