@@ -269,7 +269,7 @@ def _compared(
             sensible = scored if possible(evidence, scored) else _impossible(scored)
             tried.append((_without_columns(evidence), sensible))
     trusted = [distortion <= DISTORTED for distortion in distortions]
-    tried = equally_noisy(tried, trusted=trusted)
+    tried = equally_noisy(tried, trusted)
     return tried, [pair for pair, own in zip(tried, trusted, strict=True) if own]
 
 
@@ -280,25 +280,28 @@ def _pool(sets: Sets, kept: Sequence[Scored]) -> list[Scored]:
     late = [sets.score([*declared.terms, delay]) for delay in delays]
     found = _beam(sets, [*(sets.score(each.terms) for each in kept), declared])
     pool = list({s.ids: s for s in [*found, *late] if np.isfinite(s.log_odds)}.values())
-    alike = equally_noisy([(sets.evidence, s) for s in pool], declared.log_odds + NAMED)
+    loud = [s.log_odds > declared.log_odds + NAMED for s in pool]
+    alike = equally_noisy([(sets.evidence, s) for s in pool], loud)
     return sorted((s for _, s in alike), key=lambda s: -s.log_odds)
 
 
 def equally_noisy(
-    sets: Sequence[tuple[Evidence, Scored]], least: float = -np.inf, trusted: Sequence[bool] | None = None
+    sets: Sequence[tuple[Evidence, Scored]], trusted: Sequence[bool] | None = None
 ) -> list[tuple[Evidence, Scored]]:
     """The sets with the odds that they have if all let as much of the sensors' noise through as the loudest one.
 
     A set that lets less through, by a small drive gain or by noise that cancels, leaves less without explaining more.
     Sets with noise models of their own are compared by the white noise that they tell of effort and load. The noise of
     a set counts against a part of itself only if it is in what the set leaves, and less is left beside it.
-    `least`: log odds from which a set counts among the loud ones. `trusted`: which may count; None takes all.
+    `trusted`: which may count as the loudest one; None takes all of some odds.
     """
     left = [s.left / evidence.noise_gain for evidence, s in sets]
     noise = [s.passed * n for n, (_, s) in zip(left, sets, strict=True)]
-    counts = [True] * len(sets) if trusted is None else trusted
+    counts = trusted or [True] * len(sets)
     loud = [
-        (s, n, own) for n, own, (_, s), yes in zip(left, noise, sets, counts, strict=True) if yes and s.log_odds > least
+        (s, n, own)
+        for n, own, (_, s), yes in zip(left, noise, sets, counts, strict=True)
+        if yes and np.isfinite(s.log_odds)
     ]
     out = []
     for variance, own, (evidence, s) in zip(left, noise, sets, strict=True):

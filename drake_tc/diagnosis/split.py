@@ -237,17 +237,17 @@ class Split:
         aged = self.channels[channel]
         if channel == "torque":
             aged = replace(aged, values=self.gain * self.load)
-        off = aged.change(self.samples, age) - age * aged.slope(self.samples, 0.0)
+        off = aged.change(self.samples, age) - aged.change(self.samples, 0.0) - age * aged.slope(self.samples, 0.0)
         return rms(self.samples.reduce(_inside(off, self.samples)))
 
     @cached_property
     def _aged(self) -> dict[str, FloatArray]:
         """(N,) f(a) - a df/da of each channel at its age a."""
-        changes = {channel: self.channels[channel].change(self.samples, age) for channel, age in self.ages.items()}
-        changes |= {"torque": np.zeros(len(self.samples.signals))} if "torque" in changes else {}  # it is in the load
         return {
-            channel: self.samples.reduce(_inside(change - self.ages[channel] * self.slope_of(channel), self.samples))
-            for channel, change in changes.items()
+            channel: self.samples.reduce(
+                _inside(self.channels[channel].change(self.samples, age) - age * self.slope_of(channel), self.samples)
+            )
+            for channel, age in self.ages.items()
         }
 
     @cached_property
@@ -340,12 +340,12 @@ class Split:
 
 @dataclass(frozen=True)
 class Aged:
-    """What the age a of a channel does to the recorded effort: f(a) = d (x(t + d a) - x(t)), d = 1 or -1.
+    """What the age a of a channel does to the effort: f(a) = d (x(t + d a) - x(t + d a_0)), d = 1 or -1.
 
     Attributes:
         values: (T,) x(t + d a_0) [effort].
         way: d, -1 where the drive acts on what is older than its record.
-        at: a_0 [s].
+        at: a_0 [s], without which the effort is: 0 where it has been recorded.
     """
 
     values: FloatArray
@@ -354,8 +354,7 @@ class Aged:
 
     def change(self, samples: Samples, age: float) -> FloatArray:
         """(T,) f(a)."""
-        ends = (moved(self.values, samples, self.way * (each - self.at)) for each in (age, 0.0))
-        return np.asarray(self.way * (next(ends) - next(ends)))
+        return np.asarray(self.way * (moved(self.values, samples, self.way * (age - self.at)) - self.values))
 
     def slope(self, samples: Samples, age: float) -> FloatArray:
         """(T,) df/da."""

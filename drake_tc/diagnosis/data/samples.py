@@ -17,8 +17,16 @@ from drake_tc.types import BoolArray, FloatArray, IntArray
 
 LONGEST_MEMORY = 0.5
 """Of a filter of the effort [s]."""
-MOTION = ("position", "velocity", "acceleration")
-TORQUES = ("load_torque", "expected_torque", "slow_torque", "effort", "command")
+FILTERED = (
+    "position",
+    "velocity",
+    "acceleration",
+    "load_torque",
+    "expected_torque",
+    "slow_torque",
+    "effort",
+    "command",
+)
 """Signals that the light kernel has passed."""
 
 
@@ -130,7 +138,7 @@ class Samples:
         def everywhere(values: FloatArray) -> FloatArray:
             return np.concatenate([self.settled(values, segment) for segment in self.segments])
 
-        changed: dict[str, Any] = {name: everywhere(getattr(self.signals, name)) for name in (*MOTION, *TORQUES)}
+        changed: dict[str, Any] = {name: everywhere(getattr(self.signals, name)) for name in FILTERED}
         return replace(self, signals=replace(self.signals, **changed))
 
     @cached_property
