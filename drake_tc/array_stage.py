@@ -18,6 +18,7 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import LeafSystem, ValueProducer
 
+from drake_tc.kernels.calls import sequences
 from drake_tc.types import Call, FloatArray, IntArray
 
 
@@ -315,7 +316,7 @@ class _BoundStage:
             part.bind(Arrays(self._inputs, out, self._before, self._after, self.notes))
             for part, out in zip(self._parts, self._out, strict=True)
         ]
-        self._calls = [_in_turn(calls) for calls in (*(outputs for outputs, _ in bound), bound[0][1])]
+        self._calls = [sequences(_in_turn(calls)) for calls in (*(outputs for outputs, _ in bound), bound[0][1])]
         self._known = [
             (
                 [(self._ports[name], self._inputs[name]) for name in names - self._absent],

@@ -49,7 +49,6 @@ from drake_tc.effects.context import Obstacle
 from drake_tc.effects.library import looked_for, uncommon
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
-from drake_tc.types import FloatArray
 
 
 @errors_in_joint_units
@@ -336,10 +335,12 @@ def _effects(evidence: Evidence, best: Scored, found: Found) -> tuple[FoundEffec
 def _rejected(evidence: Evidence, best: Scored, asked: Asked) -> tuple[RejectedEffect, ...]:
     taken = {t.effect.id for t in best.terms}
     sets, residual = Sets(evidence, asked.usable), evidence.residual(evidence.model.train, best)
+    rest = evidence.score(best.terms)
+    left = rms(evidence.residual(evidence.model.held, rest))
     out: dict[str, RejectedEffect] = {}
     for effect in asked.usable:
         if effect.id not in taken and effect.id not in out:
-            out[effect.id] = _tried(sets, best, effect, residual)
+            out[effect.id] = _tried(sets.best_start(best, effect, residual)[1], evidence, rest, left)
     for key, obstacle in asked.obstacles:
         name = key.split(".")[0]
         if name not in out and name not in taken:
@@ -347,13 +348,12 @@ def _rejected(evidence: Evidence, best: Scored, asked: Asked) -> tuple[RejectedE
     return tuple(out.values())
 
 
-def _tried(sets: Sets, best: Scored, effect: Effect, residual: FloatArray) -> RejectedEffect:
-    """What one more effect would be worth, at the best of its starting points."""
-    evidence, (_, term) = sets.evidence, sets.best_start(best, effect, residual)
-    more, rest = (evidence.score(terms) for terms in ([*best.terms, term], best.terms))
-    errors = [rms(evidence.residual(evidence.model.held, s)) for s in (more, rest)]
-    gain = 1.0 - errors[0] / max(errors[1], 1e-300)
-    return RejectedEffect(effect.key, effect.id, "too_little_evidence", "", more.log_odds - rest.log_odds, gain)
+def _tried(term: Term, evidence: Evidence, rest: Scored, left: float) -> RejectedEffect:
+    """What one more effect would be worth beside a set that leaves `left` (RMS) of the held-out rows."""
+    more = evidence.score([*rest.terms, term])
+    gain = 1.0 - rms(evidence.residual(evidence.model.held, more)) / max(left, 1e-300)
+    effect, odds = term.effect, more.log_odds - rest.log_odds
+    return RejectedEffect(effect.key, effect.id, "too_little_evidence", "", odds, gain)
 
 
 def _did_not_hold(dropped: Sequence[tuple[Term, Withdrawal]]) -> tuple[DidNotHold, ...]:

@@ -353,8 +353,11 @@ class Evidence:
         Noise and coefficients depend on each other. The fixed point is sought from the present noise and from white
         noise, and the more probable one is taken.
         """
-        found = [self._heard(Evidence(self.model, start, self.spread), terms) for start in (self.noise, NoiseModel())]
-        best = max(found, key=lambda e: e.rank(e.score(terms)))
+        known: dict[NoiseModel, tuple[Evidence, NoiseModel]] = {}
+        own, other = (
+            _heard(Evidence(self.model, start, self.spread), terms, known) for start in (self.noise, NoiseModel())
+        )
+        best = own if own is other else max((own, other), key=lambda e: e.rank(e.score(terms)))
         return with_run_spread(best, terms) if spread else best
 
     def rank(self, scored: Scored) -> tuple[bool, float]:
@@ -384,21 +387,10 @@ class Evidence:
         """
         rows, white = self.model.train.rows, Evidence(self.model, NoiseModel(), self.spread)
         if rest:
-            white = self._heard(white, terms, slow=False)
+            white = _heard(white, terms, {}, slow=False)
         residual, alike = white.residual(self.model.train, white.score(terms), runs=True), white.noise
         share = independent_share(rows, rows.weighed(residual, alike))
         return with_run_spread(Evidence(self.model, replace(alike, share=share), self.spread), terms)
-
-    @staticmethod
-    def _heard(found: "Evidence", terms: Sequence[Term], *, slow: bool = True) -> "Evidence":
-
-        for _ in range(HEARINGS):
-            residual = found.residual(found.model.train, found.corrected(found.score(terms)), runs=True)
-            noise = fitted_noise(found.model.train.rows, residual, slow=slow)
-            if noise == found.noise:
-                break
-            found = Evidence(found.model, noise, found.spread)
-        return found
 
     def places_of_ages(self, scored: Scored) -> slice:
         """Of the ages in a posterior."""
@@ -443,8 +435,11 @@ class Evidence:
         `runs`: with what differs from run to run, and friction near rest from its law, which no model file has. What an
         unknown state at the start of a run adds is taken off either way.
         """
-        blocks = self.model.blocks(split, scored.terms)
-        out = split.target(scored.terms) - np.concatenate([b.values for b in blocks], axis=1) @ scored.b
+        out, at = split.target(scored.terms), 0
+        for block in self.model.blocks(split, scored.terms):
+            own = scored.b[at : at + block.values.shape[1]]
+            at += own.size
+            out = out - block.values @ own
         at = scored.coefficients + scored.shapes
         spread = self.spread.of(scored.terms) if runs else RunSpread()
         for block in self._others(split, spread):
@@ -475,6 +470,25 @@ class Evidence:
     @property
     def _splits(self) -> tuple[Split, Split]:
         return self.model.train, self.model.held
+
+
+def _heard(
+    found: Evidence,
+    terms: Sequence[Term],
+    known: dict[NoiseModel, tuple[Evidence, NoiseModel]],
+    *,
+    slow: bool = True,
+) -> Evidence:
+    """The evidence at a fixed point of the noise; `known`: by noise, the evidence and the noise of what it leaves."""
+    for _ in range(HEARINGS):
+        if found.noise not in known:
+            residual = found.residual(found.model.train, found.corrected(found.score(terms)), runs=True)
+            known[found.noise] = found, fitted_noise(found.model.train.rows, residual, slow=slow)
+        found, noise = known[found.noise]
+        if noise == found.noise:
+            break
+        found = known[noise][0] if noise in known else Evidence(found.model, noise, found.spread)
+    return found
 
 
 def shape_slopes(split: Split, terms: Sequence[Term], b: FloatArray) -> FloatArray:

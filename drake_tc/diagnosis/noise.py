@@ -20,7 +20,7 @@ noise of a load that is computed from accelerations explain itself.
 """
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 from scipy.signal import lfilter, welch
@@ -119,10 +119,19 @@ class Rows:
 
     def whitened(self, values: FloatArray, noise: NoiseModel) -> tuple[FloatArray, float]:
         """Values (N,) or (N, k) of all rows, whitened on those that count (n, k), and the log determinant."""
-        values = np.ascontiguousarray(values.reshape(values.shape[0], -1)[self.index])
-        out = np.empty_like(values)
-        white = self.variances(noise)[self.index]
+        return self.innovations(values.reshape(values.shape[0], -1)[self.index], noise)
+
+    def innovations(self, values: FloatArray, noise: NoiseModel) -> tuple[FloatArray, float]:
+        """Values (n, k) of the rows that count, whitened, and the log determinant."""
+        values, out = np.ascontiguousarray(values), np.empty(values.shape)
+        at_rest, moving = self._counting
+        white = 1.0 + noise.rest * at_rest + noise.moving * moving
         return out, float(_whiten(values, self.apart, white, noise.ratio, noise.memory, out))
+
+    @cached_property
+    def _counting(self) -> tuple[FloatArray, FloatArray]:
+        """`_at_rest` and `_moving` of the rows that count (n,)."""
+        return self._at_rest[self.index], self._moving[self.index]
 
 
 def drawn_noise(samples: Samples, *, measured: bool) -> list[Samples]:
@@ -182,10 +191,11 @@ def independent_share(rows: Rows, residual: FloatArray) -> float:
 
 def fitted_noise(rows: Rows, residual: FloatArray, *, slow: bool = True) -> NoiseModel:
     """The noise model under which a residual (N,) is most likely; without a discrepancy where it is not `slow`."""
-    count = rows.index.size
+    own, count = residual[rows.index][:, None], rows.index.size
 
+    @cache
     def likelihood(model: NoiseModel) -> float:
-        white, log_determinant = rows.whitened(residual, model)
+        white, log_determinant = rows.innovations(own, model)
         return -0.5 * count * float(np.log(max(float(np.mean(white**2)), 1e-300))) - 0.5 * log_determinant
 
     def uneven(model: NoiseModel) -> NoiseModel:

@@ -85,9 +85,12 @@ def whiten(
     """
     rows, columns = values.shape
     state = np.zeros(columns)
-    spread, log_determinant = ratio, 0.0
+    spread, log_determinant, product = ratio, 0.0, 1.0
+    step, kept = np.inf, 0.0
     for i in range(rows):
-        kept = np.exp(-apart[i] / memory)
+        if apart[i] != step:  # most rows are equally far apart
+            step = apart[i]
+            kept = np.exp(-step / memory)
         spread = kept * kept * spread + ratio * (1.0 - kept * kept)
         total = spread + white[i]
         gain, scale = spread / total, 1.0 / np.sqrt(total)
@@ -97,5 +100,8 @@ def whiten(
             state[j] = expected + gain * innovation
             out[i, j] = innovation * scale
         spread *= 1.0 - gain
-        log_determinant += np.log(total)
-    return log_determinant
+        product *= total
+        if not 1e-100 < product < 1e100:  # a logarithm of each costs more than all of the rest
+            log_determinant += np.log(product)
+            product = 1.0
+    return log_determinant + np.log(product)
