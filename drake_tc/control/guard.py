@@ -332,7 +332,9 @@ class SensorLossStop(StageSystem):
                 after[:] = self._next(ticks, lost)
 
             outputs = KernelCall(COPY_BELOW, fade, desired, out, ticks, self._limit)
-            return outputs, [KernelCall(COPY_BELOW, count, ticks, after, watched, _ANY) for watched in (ticks, lost)]
+            watched = np.zeros(2 * n)
+            seen = [copying(ticks, watched[:n]), copying(lost, watched[n:])]
+            return outputs, [*seen, KernelCall(COPY_BELOW, count, ticks, after, watched, _ANY)]
 
         parts = places({"state": slice(size), "torque": slice(size, size + n)})
         early = ArrayStage(size + n, parts, bind_early, frozenset({"state", "torque"}))

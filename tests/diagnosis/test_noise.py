@@ -32,7 +32,10 @@ class PlainRows:
         return np.arange(self.apart.size)
 
     def whitened(self, values: FloatArray, noise: NoiseModel) -> tuple[FloatArray, float]:
-        columns = np.ascontiguousarray(values.reshape(values.shape[0], -1))
+        return self.innovations(values.reshape(values.shape[0], -1), noise)
+
+    def innovations(self, values: FloatArray, noise: NoiseModel) -> tuple[FloatArray, float]:
+        columns = np.ascontiguousarray(values)
         out = np.empty_like(columns)
         white = np.full(self.apart.size, 1.0) + noise.rest * self.at_rest + noise.moving * self.moving
         return out, float(whiten(columns, self.apart, white, noise.ratio, noise.memory, out))
