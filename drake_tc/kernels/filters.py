@@ -104,4 +104,4 @@ def whiten(
         if not 1e-100 < product < 1e100:  # a logarithm of each costs more than all of the rest
             log_determinant += np.log(product)
             product = 1.0
-    return log_determinant + np.log(product)
+    return float(log_determinant + np.log(product))

@@ -4,6 +4,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -180,9 +181,10 @@ def inspect_log(path: Path) -> Inspection:
         for name, values in numbers.items()
         if values is not None and name not in aside
     }
+    found = _in_turns(found, notes)
     found |= _dates_as_time(table, found)
     found |= _observed_beside_actions(found, notes)
-    meanings = _distinct(_of_the_only_joint(_of_one_joint(_with_whole_names(found), notes)), notes)
+    meanings = _distinct(_of_the_only_joint(_of_one_joint(_of_parts(_with_whole_names(found)), notes)), notes)
     time_name = next((name for name, m in meanings.items() if m.quantity == "time"), None)
     stated = "" if time_name is None else meanings[time_name].unit
     unit, period, gaps, duration = _clock(None if time_name is None else numbers[time_name], stated)
@@ -347,6 +349,64 @@ def _with_whole_names(found: Mapping[str, Meaning | None]) -> dict[str, Meaning 
         name: replace(told, joint=whole[told.joint]) if told is not None and told.joint in whole else told
         for name, told in found.items()
     }
+
+
+PARTS = ("motor", "encoder", "controller", "drive", "driver", "sensor")
+"""Last parts of an owner that are a part of the joint."""
+
+
+def _of_parts(found: Mapping[str, Meaning | None]) -> dict[str, Meaning | None]:
+    """The meanings, where `axis0/encoder` and `axis0/motor` are parts of the joint `axis0`, as an ODrive calls them.
+
+    They are where no quantity is of two of them, and none is the position of the motor.
+    """
+    owners: dict[str, dict[str, list[str]]] = {}
+    for told in found.values():
+        if told is None or told.quantity == "time":
+            continue
+        owner, _, part = told.joint.rpartition("/")
+        if base := owner if part in PARTS else told.joint:
+            owners.setdefault(base, {}).setdefault(told.joint, []).append(told.quantity)
+    joined: dict[str, str] = {}
+    for base, parts in owners.items():
+        all_of_them = [quantity for each in parts.values() for quantity in each]
+        if (
+            len(parts) > 1
+            and len(set(all_of_them)) == len(all_of_them)
+            and "position" not in parts.get(f"{base}/motor", ())
+        ):
+            joined |= dict.fromkeys(parts, base)
+    return {
+        name: replace(told, joint=joined[told.joint]) if told is not None and told.joint in joined else told
+        for name, told in found.items()
+    }
+
+
+OF_ODRIVE: Mapping[str, str] = MappingProxyType(
+    {
+        "pos_estimate": "rev",
+        "input_pos": "rev",
+        "pos_setpoint": "rev",
+        "vel_estimate": "rev/s",
+        "input_vel": "rev/s",
+        "vel_setpoint": "rev/s",
+    }
+)
+"""Units of the endpoints of an ODrive, by the last parts of their names."""
+
+
+def _in_turns(found: Mapping[str, Meaning | None], notes: list[str]) -> dict[str, Meaning | None]:
+    """The meanings, where two names that only an ODrive has say that the angles are turns."""
+    last = {name: re.split("[/.]", name)[-1] for name in found}
+    angles = [name for name, told in found.items() if told is not None and not told.unit and last[name] in OF_ODRIVE]
+    if len({last[name] for name in angles} | ({"Iq_measured", "Iq_setpoint"} & set(last.values()))) < 2:
+        return dict(found)
+    notes.append("The names are those of an ODrive, so the positions and speeds are in turns and turns/s.")
+    by = "the manual of ODrive"
+    of_odrive = {
+        name: replace(told, unit=OF_ODRIVE[last[name]], unit_by=by) for name in angles if (told := found[name])
+    }
+    return {**found, **of_odrive}
 
 
 def _clock(time: FloatArray | None, stated: str = "") -> tuple[str, float, int, float]:

@@ -34,7 +34,7 @@ QUANTITIES: Mapping[str, tuple[str, ...]] = MappingProxyType(
             *("goal_position", "position_reference", "reference", "ref", "desired", "target_position", "position_ref"),
             *("position_target", "theta_ref", "theta_des", "action", "actions", "pos_ref", "pos_des", "pos_target"),
             "target_pos",
-            *("goal_pos", "desired_pos"),
+            *("goal_pos", "desired_pos", "input_pos"),
         ),
         "velocity": (
             *("velocity", "vel", "dq", "qd", "speed", "omega", "actual_qd", "present_velocity", "q_dot", "qvel"),
@@ -71,7 +71,16 @@ QUANTITIES: Mapping[str, tuple[str, ...]] = MappingProxyType(
             *("torque_command", "torque_cmd", "tau_cmd", "tau_des", "tau_d", "desired_torque", "target_torque"),
             *("force_command", "force_cmd", "force_des", "force_ref", "commanded_force", "desired_force"),
             *("effort_command", "effort", "eff", "commanded_torque", "tau_ref", "torque_des", "torque_ref"),
-            *("tau_j_d", "applied_torque", "computed_torque", "motor_torque", "torque_motor", "tau_motor", "motor_tau"),
+            *(
+                "tau_j_d",
+                "input_torque",
+                "applied_torque",
+                "computed_torque",
+                "motor_torque",
+                "torque_motor",
+                "tau_motor",
+                "motor_tau",
+            ),
         ),
         "enabled": (
             *("enabled", "enable", "torque_enable", "torque_enabled", "motor_enabled", "motor_on", "servo_on"),
@@ -87,6 +96,7 @@ QUANTITIES: Mapping[str, tuple[str, ...]] = MappingProxyType(
             "velocity_ref",
             "qd_des",
             "dq_d",
+            "input_vel",
         ),
         "motor_position": (
             *("motor_position", "motor_pos", "motor_angle", "q_motor", "theta_m", "rotor_position", "theta_motor"),

@@ -36,6 +36,8 @@ TIME = np.arange(500) / 100.0
         ("target_q_2", "joint_2", "position_command"),
         ("current_des_4", "joint_4", "current_command"),
         ("i_q", "", "current"),
+        ("axis0.controller.input_torque", "axis0", "torque_command"),
+        ("input_vel", "", "velocity_command"),
         ("Timestamp", "", "time"),
         ("ft_foot/fx", "ft_foot", "fx"),
         ("/joint_states/knee/position", "knee", "position"),
@@ -273,6 +275,21 @@ def test_a_log_with_every_quantity_once_is_the_log_of_one_joint(tmp_path, names,
 def test_names_before_a_slash_are_joints_even_where_every_quantity_is_there_once(tmp_path):
     columns = {"time": TIME, "hip/position": np.sin(TIME), "knee/current": np.cos(TIME)}
     assert inspected(tmp_path, columns).rig == {}
+
+
+def test_parts_of_a_joint_are_one_joint_unless_two_have_the_same_quantity(tmp_path):
+    q, u = np.sin(TIME), np.cos(TIME)
+    apart = {"axis/encoder/position": q, "axis/drive/current": u, "other/encoder/position": q, "other/current": -u}
+    assert inspected(tmp_path, {"time": TIME, **apart}).rig["joints"] == ["axis", "other"]
+    twice = {"axis/encoder/position": q, "axis/motor/position": q, "axis/motor/current": u}
+    assert inspected(tmp_path, {"time": TIME, **twice}).rig["joint"] == "axis/motor"
+    of_motor = {"axis/motor/position": q, "axis/motor/current": u, "axis/torque": u}
+    assert inspected(tmp_path, {"time": TIME, **of_motor}).rig["joint"] == "axis/motor"
+
+
+def test_turns_of_an_odrive_take_two_of_its_names(tmp_path):
+    one = inspected(tmp_path, {"time": TIME, "pos_estimate": np.sin(TIME), "current": np.cos(TIME)})
+    assert not any("ODrive" in note for note in one.notes)
 
 
 def test_a_duty_cycle_is_a_voltage_whose_unit_only_the_user_knows(tmp_path):

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pyarrow
+import pyarrow.feather
 import pyarrow.parquet
 import pytest
 import scipy.io
@@ -18,6 +19,7 @@ from numpy.testing import assert_allclose
 from drake_tc.diagnosis.problem.prepared import prepare_joint
 from drake_tc.errors import LogError
 from drake_tc.experiments.check.run import check_rig
+from drake_tc.logs.files.readers import read_table
 from drake_tc.logs.inspection import inspect_log, trial
 from drake_tc.logs.prepare import load_run
 from drake_tc.logs.rig import load_rig, parse_rig, save_rig
@@ -382,6 +384,26 @@ def joints_with_names(path: Path) -> Path:
     return path
 
 
+def odrive(path: Path) -> Path:
+    """Two axes; angles in turns."""
+    names = {"encoder.pos_estimate": POSITION, "encoder.vel_estimate": RATE, "controller.input_pos": COMMAND}
+    own = {name: values / (2.0 * np.pi) for name, values in names.items()} | {"motor.Iq_measured": CURRENT}
+    both = [{f"axis{i}.{name}": values for name, values in own.items()} for i in range(2)]
+    pd.DataFrame({"time": TIME} | both[0] | both[1] | {"axis0.torque": TORQUE, "axis1.torque": TORQUE}).to_csv(
+        path, index=False
+    )
+    return path
+
+
+def feather(path: Path) -> Path:
+    columns = {"time": (TIME, ""), "position": (DEG * POSITION, "deg"), "current": (1e3 * CURRENT, "mA")}
+    columns["torque"] = TORQUE, "N*m"
+    fields = [pyarrow.field(name, pyarrow.float64(), metadata={"unit": unit}) for name, (_, unit) in columns.items()]
+    whole = pyarrow.table([values for values, _ in columns.values()], schema=pyarrow.schema(fields))
+    pyarrow.feather.write_feather(whole, path)
+    return path
+
+
 CSV = (
     *(comments, savetxt, pairs, clocks, named_times, units_of_pairs, device_above, decimal_commas),
     *(units_below, dotted),
@@ -429,6 +451,8 @@ LAYOUTS = {write.__name__: (write, "run.csv") for write in CSV} | {
     "unit before the joint": (unit_before_the_joint, "run.npz"),
     "time series": (time_series, "run.mat"),
     "scope": (scope, "run.mat"),
+    "odrive": (odrive, "run.csv"),
+    "feather": (feather, "run.feather"),
     "json messages": (messages_of_json, "run.jsonl"),
     "json joints": (joints_of_json, "run.json"),
     "json sensor data": (sensor_data, "run.json"),
@@ -450,6 +474,53 @@ def same_signals(run, joint: str) -> None:
     for name, values in told.items():
         expected = SIGNALS[name.rpartition("/")[2]][: len(run)]
         assert_allclose(values[2:-2], expected[2:-2], rtol=0, atol=5e-6, err_msg=name)
+
+
+def _episodes(kind: str) -> dict[str, np.ndarray]:
+    """Three episodes of two joints, of 60, 60 and 40 samples; those of `padded` end with zeros."""
+    long = np.stack([POSITION[start : start + 60] for start in (0, 200, 400)])
+    time = np.arange(60) * 0.004
+    both = {"position": np.stack([long, -long], axis=2), "torque": np.stack([2.0 * long, long], axis=2)}
+    if kind == "episodes first":
+        return {**both, "time": time, "joint_names": np.array(["hip", "knee"])}
+    if kind == "times first":
+        return {name: values.swapaxes(0, 1) for name, values in both.items()} | {"time": time}
+    if kind == "a rate":
+        return {**both, "dt": np.array(0.004)}
+    times = np.tile(time, (3, 1))
+    times[2, 40:] = 0.0
+    return {"time": times, "position": long, "torque": 2.0 * long}
+
+
+@pytest.mark.parametrize("ending", [".npz", ".mat"])
+@pytest.mark.parametrize("kind", ["episodes first", "times first", "a rate", "padded"])
+def test_arrays_with_an_axis_of_episodes_are_episodes(tmp_path, kind, ending):
+    path, arrays = tmp_path / f"run{ending}", _episodes(kind)
+    np.savez(path, **arrays) if ending == ".npz" else scipy.io.savemat(path, arrays)
+    table = read_table(path)
+    position = next(name for name in table.columns if "position" in name)
+    sizes = [60, 60, 40 if kind == "padded" else 60]
+    assert len(table) == sum(sizes) and "3 episodes (0 to 2)" in table.attrs["notes"][0]
+    assert np.count_nonzero(np.diff(table["time"]) > 0.9) == 2 and np.all(np.diff(table["time"]) > 0.0)
+    for number, (start, size) in enumerate(zip((0, 200, 400), sizes, strict=True)):
+        alone = read_table(tmp_path / f"{path.name}#{number}")
+        assert_allclose(alone[position], POSITION[start : start + size], rtol=1e-15)
+        assert_allclose(alone["time"], np.arange(size) * 0.004, atol=1e-12)
+    with pytest.raises(LogError, match="no episode 3; episodes here: 0 to 2"):
+        read_table(tmp_path / f"{path.name}#3")
+
+
+def test_episodes_without_times_say_what_is_missing(tmp_path):
+    arrays = _episodes("a rate")
+    np.savez(tmp_path / "run.npz", position=arrays["position"], torque=arrays["torque"])
+    with pytest.raises(LogError, match=r"3 episodes without times; expected an array of times, or a single number"):
+        read_table(tmp_path / "run.npz")
+
+
+def test_vectors_that_are_no_episodes_stay_as_they_are(tmp_path):
+    pictures = np.zeros((TIME.size, 4, 5))  # rows of an image beside the samples
+    np.savez(tmp_path / "run.npz", time=TIME, position=POSITION, torque=TORQUE, picture=pictures)
+    assert list(read_table(tmp_path / "run.npz").columns) == ["time", "position", "torque"]
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)

@@ -15,7 +15,7 @@ from .conftest import unreadable
 VALUES = {"time": np.arange(40) * 0.01, "joint/position": np.sin(np.arange(40.0))}
 
 
-@pytest.mark.parametrize("ending", [".csv", ".csv.gz", ".parquet", ".npz", ".mat"])
+@pytest.mark.parametrize("ending", [".csv", ".csv.gz", ".parquet", ".feather", ".npz", ".mat"])
 def test_every_format_gives_the_same_numbers(tmp_path, ending):
     path = tmp_path / f"run{ending}"
     frame = pd.DataFrame(VALUES)
@@ -23,6 +23,8 @@ def test_every_format_gives_the_same_numbers(tmp_path, ending):
         frame.to_csv(path, index=False)
     elif ending == ".parquet":
         frame.to_parquet(path)
+    elif ending == ".feather":
+        frame.to_feather(path)
     elif ending == ".npz":
         np.savez(path, **VALUES)
     else:

@@ -24,7 +24,7 @@ import pyarrow.parquet  # type: ignore[import-untyped]
 from drake_tc.config.files import check_size, is_file, is_folder
 from drake_tc.errors import LogError
 from drake_tc.logs.names import meaning
-from drake_tc.logs.record import Run
+from drake_tc.logs.record import MIN_ROWS, Run
 
 GAP_SECONDS, GAP_PERIODS = 1.0, 20.0
 """Between two episodes in one log, the larger of the two: the readers split a run at gaps of more than 5 periods."""
@@ -81,6 +81,55 @@ def one_log(episodes: Mapping[int, pd.DataFrame], time: str, source: Source) -> 
         f" {path.name}#{next(iter(episodes))} is the first episode alone."
     ]
     return joined
+
+
+def with_times_told(episodes: Sequence[pd.DataFrame], source: Source, expected: str) -> pd.DataFrame:
+    """The table of one of these episodes, or those of all after each other; each has a column of times.
+
+    Raises:
+        LogError: No times; says what was `expected`.
+    """
+    told = {str(name): meaning(str(name)) for name in episodes[0].columns}
+    time = next((name for name, each in told.items() if each is not None and each.quantity == "time"), None)
+    if time is None:
+        raise LogError(f"{source.path}: {len(episodes)} episodes without times; expected {expected}")
+    return one_log(dict(enumerate(episodes)), time, source)
+
+
+def episodes_of_arrays(arrays: Mapping[str, np.ndarray]) -> list[dict[str, np.ndarray]]:
+    """By episode, the arrays of a file whose arrays are (E, T, n) or (T, E, n), or whose times are (E, T).
+
+    Other arrays belong to each, unless they have as many samples: then all are of one run. What follows the last time that grows is padding. Where no time
+    tells which axis is which, the second one is the time, or the first one if the second one is too short for it.
+    """
+    values = {name: np.squeeze(value) for name, value in arrays.items()}
+    stacks = {value.shape[:2] for value in values.values() if value.ndim == 3}
+    told = {name: meaning(name) for name in values}
+    time = next((values[name] for name, each in told.items() if each is not None and each.quantity == "time"), None)
+    if time is not None and time.ndim == 2 and (not stacks or stacks == {time.shape}):
+        shape, along = time.shape, int(np.all(time[:, 1] > time[:, 0]))
+    elif len(stacks) == 1 and (time is None or time.ndim == 1):
+        (shape,) = stacks
+        along = int(time.size == shape[1]) if time is not None else int(shape[1] >= MIN_ROWS)
+        beside = [
+            value for value in values.values() if value.ndim < 3 and value.shape[:2] != shape and value is not time
+        ]
+        if (time is not None and time.size != shape[along]) or any(shape[along] in value.shape for value in beside):
+            return []
+    else:
+        return []
+    out = []
+    for number in range(shape[1 - along]):
+        own = {
+            name: value.take(number, axis=1 - along) if value.shape[:2] == shape else arrays[name]
+            for name, value in values.items()
+        }
+        kept = shape[along]
+        if time is not None and time.ndim == 2:
+            still = np.flatnonzero(~(np.diff(time.take(number, axis=1 - along)) > 0.0))
+            kept = int(still[0]) + 1 if still.size else kept
+        out.append({name: value[:kept] if values[name].shape[:2] == shape else value for name, value in own.items()})
+    return out
 
 
 NUMBERS = ("episode", "episode_index", "episode_id", "episode_number")

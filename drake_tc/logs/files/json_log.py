@@ -23,7 +23,7 @@ from drake_tc.config.files import unpacked_gzip
 from drake_tc.config.quoted import quoted
 from drake_tc.errors import LogError
 from drake_tc.logs.checks.clock import stated_period, with_times
-from drake_tc.logs.files.episodes import Source, one_log
+from drake_tc.logs.files.episodes import Source, with_times_told
 from drake_tc.logs.names import meaning, member, names_joints
 from drake_tc.logs.record import MIN_ROWS
 
@@ -140,19 +140,13 @@ def _is_episode(record: object) -> bool:
 
 
 def _of_episodes(records: Sequence[dict[str, Any]], period: float | None, source: Source) -> pd.DataFrame:
-    episodes = {}
-    for number, record in enumerate(records):
+    episodes = []
+    for record in records:
         table = with_times(_of_columns(record, source.path), stated_period(_numbers(record)) or period)
         table.attrs = {}  # the same notes for each
-        episodes[number] = table
-    told = {str(name): meaning(str(name)) for name in episodes[0].columns}
-    time = next((name for name, each in told.items() if each is not None and each.quantity == "time"), None)
-    if time is None:
-        raise LogError(
-            f"{source.path}: {len(records)} episodes without times; expected a list of times in each, or the rate"
-            ' in each or beside them, such as "hz": 100'
-        )
-    return one_log(episodes, time, source)
+        episodes.append(table)
+    expected = 'a list of times in each, or the rate in each or beside them, such as "hz": 100'
+    return with_times_told(episodes, source, expected)
 
 
 def read_json_lines(path: Path) -> pd.DataFrame:

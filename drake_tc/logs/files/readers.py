@@ -6,9 +6,11 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 import pandas as pd
+import pyarrow.ipc  # type: ignore[import-untyped]
 import pyarrow.parquet  # type: ignore[import-untyped]
 
 from drake_tc.config.files import check_size, is_file, is_folder, utf8_text
@@ -20,10 +22,12 @@ from drake_tc.logs.files.bag import SUFFIXES, is_bag, read_bag
 from drake_tc.logs.files.csv_file import read_csv, refuse_repeated, with_texts
 from drake_tc.logs.files.episodes import (
     Source,
+    episodes_of_arrays,
     is_data_set,
     read_data_set,
     source_of,
     with_episodes_apart,
+    with_times_told,
     without_lists,
 )
 from drake_tc.logs.files.json_log import read_json, read_json_lines
@@ -100,9 +104,28 @@ def _read_parquet(path: Path, episode: int | None = None) -> pd.DataFrame:
         about = pyarrow.parquet.read_metadata(file)
         check_size(path, path.stat().st_size, 8.0 * about.num_rows * about.num_columns)
         file.seek(0)
-        table = with_texts(without_lists(without_structs(with_index(pd.read_parquet(file))), Source(path, episode)))
+        table = pd.read_parquet(file)
         file.seek(0)
-        fields = {field.name: field.metadata or {} for field in pyarrow.parquet.read_schema(file)}
+        return _of_arrow(table, pyarrow.parquet.read_schema(file), Source(path, episode))
+
+
+def _read_feather(path: Path, episode: int | None = None) -> pd.DataFrame:
+    """An Arrow file: Feather version 2."""
+    batches, size = [], 0.0
+    with path.open("rb") as file:
+        arrow = pyarrow.ipc.open_file(file)
+        for number in range(arrow.num_record_batches):
+            batches.append(arrow.get_batch(number))
+            size += batches[-1].nbytes
+            check_size(path, path.stat().st_size, size)
+        table = pyarrow.Table.from_batches(batches, arrow.schema).to_pandas()
+        return _of_arrow(table, arrow.schema, Source(path, episode))
+
+
+def _of_arrow(table: pd.DataFrame, schema: Any, source: Source) -> pd.DataFrame:
+    """The table of a file of Arrow's, with the units in the metadata of its columns."""
+    table = with_texts(without_lists(without_structs(with_index(table)), source))
+    fields = {field.name: field.metadata or {} for field in schema}
     units = {name: about[key].decode() for name, about in fields.items() for key in (b"unit", b"units") if key in about}
     if units:
         table.attrs |= {"units": units, "units_by": "the metadata of the file"}
@@ -147,11 +170,22 @@ SHOWN = 8
 """Single values in one note."""
 
 
-def _of_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> pd.DataFrame:
+def _of_arrays(path: Path, arrays: Mapping[str, np.ndarray], episode: int | None = None) -> pd.DataFrame:
     """A table of the arrays of a file, with a time from the rate that a single number states where there is none.
 
-    The fields of a structured array are arrays of their own.
+    The fields of a structured array are arrays of their own. Arrays of several episodes give one log with gaps.
     """
+    source = Source(path, episode)
+    if episodes := episodes_of_arrays(arrays):
+        tables = [_of_arrays(path, each) for each in episodes]
+        of_each = tables[0].attrs
+        for table in tables:
+            table.attrs = {}
+        whole = with_times_told(tables, source, "an array of times, or a single number such as dt")
+        whole.attrs = {**of_each, "notes": [*whole.attrs.get("notes", ()), *of_each.get("notes", ())]}
+        return whole
+    if episode is not None:
+        return with_episodes_apart(_of_arrays(path, arrays), source)
     unread = [name for name, value in arrays.items() if value.dtype.kind == "O"]
     arrays, notes = with_common_times({name: value for name, value in arrays.items() if name not in unread})
     if unread:
@@ -216,17 +250,17 @@ def _table(path: Path, columns: Mapping[str, np.ndarray]) -> pd.DataFrame:
     return table
 
 
-def _read_npz(path: Path) -> pd.DataFrame:
-    return _of_arrays(path, read_arrays(path))
+def _read_npz(path: Path, episode: int | None = None) -> pd.DataFrame:
+    return _of_arrays(path, read_arrays(path), episode)
 
 
-def _read_npy(path: Path) -> pd.DataFrame:
-    return _of_arrays(path, read_array(path))
+def _read_npy(path: Path, episode: int | None = None) -> pd.DataFrame:
+    return _of_arrays(path, read_array(path), episode)
 
 
-def _read_mat(path: Path) -> pd.DataFrame:
+def _read_mat(path: Path, episode: int | None = None) -> pd.DataFrame:
     """As `read_mat`; a double underscore in a name stands for a slash."""
-    return _of_arrays(path, {name.replace("__", "/"): value for name, value in read_mat(path).items()})
+    return _of_arrays(path, {name.replace("__", "/"): value for name, value in read_mat(path).items()}, episode)
 
 
 READERS: Mapping[str, Reader] = MappingProxyType(
@@ -236,6 +270,8 @@ READERS: Mapping[str, Reader] = MappingProxyType(
         ".tsv": read_csv,
         ".txt": read_csv,
         ".parquet": _read_parquet,
+        ".feather": _read_feather,
+        ".arrow": _read_feather,
         ".npz": _read_npz,
         ".npy": _read_npy,
         ".mat": _read_mat,
@@ -248,7 +284,7 @@ READERS: Mapping[str, Reader] = MappingProxyType(
 
 
 OF_EPISODES: Mapping[Reader, Callable[[Path, int], pd.DataFrame]] = MappingProxyType(
-    {_read_parquet: _read_parquet, read_json: read_json}
+    {each: each for each in (_read_parquet, _read_feather, _read_npz, _read_npy, _read_mat, read_json)}
 )
 """Readers of files that may hold several episodes."""
 
@@ -271,11 +307,11 @@ def read_table(path: Path | str | LogTable, needed: Collection[str] = ()) -> pd.
     """Read a log as it is: names, units and gaps untouched; one row a sample.
 
     Args:
-        path: A log in memory, or a .csv, .csv.gz, .tsv, .txt, .parquet, .npz, .npy, .mat, .json, .json.gz or .jsonl
-            file, a ROS bag (`bags`), or the folder of a LeRobot data set. `FILE#2` is episode 2 of a file of several.
-            In NPZ and MAT every vector is a column, a matrix (T, n) gives `name_0 ...`; MATLAB cannot write a slash, so
-            `knee__position` and the struct field `knee.position` both mean `knee/position`. `json_log` has the forms of
-            a JSON log.
+        path: A log in memory, or a .csv, .csv.gz, .tsv, .txt, .parquet, .feather, .arrow, .npz, .npy, .mat, .json,
+            .json.gz or .jsonl file, a ROS bag (`bags`), or the folder of a LeRobot data set. `FILE#2` is episode 2 of a
+            file of several. In NPZ and MAT every vector is a column, a matrix (T, n) gives `name_0 ...`, and arrays
+            (E, T, n) are episodes; MATLAB cannot write a slash, so `knee__position` and the struct field
+            `knee.position` both mean `knee/position`. `json_log` has the forms of a JSON log.
         needed: Columns that the caller uses. In a bag, the topic with their positions gives the rows.
 
     Raises:
