@@ -99,8 +99,9 @@ def with_times_told(episodes: Sequence[pd.DataFrame], source: Source, expected: 
 def episodes_of_arrays(arrays: Mapping[str, np.ndarray]) -> list[dict[str, np.ndarray]]:
     """By episode, the arrays of a file whose arrays are (E, T, n) or (T, E, n), or whose times are (E, T).
 
-    Other arrays belong to each, unless they have as many samples: then all are of one run. What follows the last time that grows is padding. Where no time
-    tells which axis is which, the second one is the time, or the first one if the second one is too short for it.
+    Other arrays belong to each, unless they have as many samples: then all are of one run. What follows the last time
+    that grows is padding. Where no time tells which axis is which, the second one is the time, or the first one if the
+    second one is too short for it.
     """
     values = {name: np.squeeze(value) for name, value in arrays.items()}
     stacks = {value.shape[:2] for value in values.values() if value.ndim == 3}
