@@ -7,6 +7,7 @@ import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
@@ -62,6 +63,8 @@ def progress_bar(title: str, *, quiet: bool = False) -> Iterator[Callable[[str, 
         yield lambda text, share: bar.update(task, description=f"{title}: {text}", completed=share)
 
 
+LEAST_TEXT = 16
+"""Width of a column of wrapped texts."""
 _NO_END = 10_000
 """Columns of a console in which nothing is cut."""
 
@@ -73,7 +76,7 @@ def print_wide(
     title: str = "",
     file: TextIO | None = None,
 ) -> None:
-    """Print a table, as wide as its cells are.
+    """Print a table, as wide as its cells are; on a narrower terminal the last column, if it is a text, is wrapped.
 
     Args:
         headings: Of the columns.
@@ -86,11 +89,17 @@ def print_wide(
     table = Table(box=None, padding=(0, 1), pad_edge=False, title=escape(title) or None, title_justify="left")
     for heading in headings:
         table.add_column(escape(heading), justify="left" if heading in left else "right", no_wrap=True)
+    rows = list(rows)
     for row in rows:
         table.add_row(*map(escape, row))
-    endless = Console(file=file, width=_NO_END)
-    width = max(Console(file=file).width, endless.measure(table).maximum, len(title))
-    Console(file=file, highlight=False, width=width).print(table)
+    console = Console(file=file)
+    width = Console(file=file, width=_NO_END).measure(table).maximum
+    others = width - max(len(row[-1]) for row in [headings, *rows])
+    if console.is_terminal and headings[-1] in left and others + LEAST_TEXT <= console.width:
+        table.columns[-1].no_wrap, width = False, 0
+    drawn = StringIO()
+    Console(file=drawn, width=max(console.width, width, len(title))).print(table)
+    file.writelines(f"{line.rstrip()}\n" for line in drawn.getvalue().splitlines())
 
 
 def command_line(*words: object) -> str:
