@@ -271,11 +271,22 @@ class Evidence:
         louder = products.rss(after) / products.rss(b)
         shift = np.zeros(held.beta.size)
         shift[places] = after - b
-        hessian, at = held.hessian.copy(), places[moved]
-        hessian[np.ix_(at, at)] += (true.gram - own.gram) / held.variance
+        hessian, at = held.hessian.copy(), np.arange(held.beta.size - of_runs)
+        before, told = self._with_shape_columns(scored, at, places[moved], gram) if shapes else (own, true)
+        hessian[np.ix_(at, at)] += (told.gram - before.gram) / held.variance
         covariance = louder * Posterior(held.beta, hessian, held.variance, 0.0).covariance
         covariance += NOISE_LEVEL**2 * np.outer(shift, shift)
         return replace(scored, posterior=replace(held, beta=held.beta + shift).with_covariance(covariance))
+
+    def _with_shape_columns(
+        self, scored: Scored, at: IntArray, noisy: IntArray, gram: FloatArray
+    ) -> tuple[Products, Products]:
+        """Products of columns `at` of a set and its shapes, and without the noise `gram` (k, k) of those at `noisy`."""
+        columns = self.columns_with_shapes(scored)[:, at]
+        products = Products.of(columns, self.target(self.model.train, scored.terms), self.noise.share)
+        whole = np.zeros((at.size, at.size))
+        whole[np.ix_(noisy, noisy)] = gram[: noisy.size, : noisy.size]
+        return products, products.without_noise(whole, np.zeros(at.size))
 
     def noise_products(self, terms: Sequence[Term]) -> tuple[FloatArray, FloatArray, float]:
         """E[dX'dX] (m, m), E[dX'du] (m,), E[du'du]: whitened noise dX of the columns of `design`, du of the target."""

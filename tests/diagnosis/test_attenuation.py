@@ -125,6 +125,23 @@ def test_the_density_of_effort_and_load_is_that_of_the_load_where_the_effort_has
     assert more - less == pytest.approx(evidence.noise.share * rows * np.log(2.0))
 
 
+def test_beside_a_shape_no_coefficient_is_less_certain_than_its_prior(
+    noisy: tuple[Evidence, Scored], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where nine tenths of the columns are noise, what a shape has in common with them is known no better.
+
+    How well the level of the noise is known widens intervals beyond those of the prior.
+    """
+    evidence, scored = noisy
+    terms = [*scored.terms, Term(Deadzone(), {"deadzone": 2e-3})]
+    dead = evidence.with_shapes(evidence.score(terms))
+    whole, prior = evidence.products(evidence.model.train, terms)
+    monkeypatch.setattr(Evidence, "noise_products", lambda self, terms: (0.9 * whole.gram, 0.9 * whole.moment, 0.0))
+    size = dead.coefficients
+    deviations = np.sqrt(np.diag(evidence.corrected(dead).posterior.covariance))
+    assert dead.shapes == 1 and np.all(np.delete(deviations, size) <= 1.5 * prior.deviation)
+
+
 def test_a_set_that_leaves_nothing_of_the_effort_has_no_odds() -> None:
     """Inside a dead zone that holds every effort, all motions cost nothing, and any load explains them."""
     evidence, scored = _heard(Joint())

@@ -3,6 +3,7 @@
 The noise of one sample of a channel is told apart from its steps, its staircase and the lines of a controller.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -20,8 +21,8 @@ SLOWEST_TOPIC: Mapping[bool, float] = {False: WIDEST_FINAL, True: WIDEST_LIGHT}
 """Time [s] for which a command may typically stay the same and still be a channel that a slower topic reports; of a
 position servo (true), whose goal is never measured, less than of another drive. Values that stay for longer are steps
 that somebody commands, and the differences between them are no noise."""
-THIRD_DIFFERENCE = 20.0
-"""Variance of the third difference of white noise over that of one sample: 1 + 9 + 9 + 1."""
+THIRD, ORDERS = 3, (3, 4, 5, 6)
+"""Of the differences that tell a goal's scatter; the higher the order, the less of a slowly sampled motion is left."""
 STEPS = 0.05
 """Share of a goal's samples that may belong to steps."""
 MEDIAN_BETWEEN_SAMPLES = 1.703
@@ -116,24 +117,29 @@ def scatter(values: FloatArray, segments: Sequence[slice]) -> float:
     """RMS over time of a channel's (T,) white part, which may be larger in faster motion; 0 where not recorded.
 
     A goal that is held for h seconds, and sampled at instants that drift against those at which it is written, is up to
-    h old: its samples scatter by up to h times its speed. They do not while it rests, so a median shows nothing. The
-    largest `STEPS` of the differences take no part: a goal may step.
+    h old: its samples scatter by up to h times its speed. They do not while it rests, so a median shows nothing. Of a
+    goal that is held over several samples each value counts once: the servo follows the same stairs. The largest `STEPS` of the differences take no part: a goal may step.
     """
-    squares = np.sort(_third_differences([values[s] for s in segments]) ** 2)
-    return float(np.sqrt(np.mean(squares[: max(1, round((1.0 - STEPS) * squares.size))])))
+    held = typical_hold(values, segments)
+    own = [values[s][run_lengths(values[s])[0]] if held > 1.0 else values[s] for s in segments]
+    found = []
+    for order in ORDERS:
+        squares = np.sort(_differences(own, order) ** 2)
+        found.append(float(np.sqrt(np.mean(squares[: max(1, round((1.0 - STEPS) * squares.size))]))))
+    return float(np.sqrt(held)) * min(found)
 
 
 def _white_noise(stretches: Sequence[FloatArray]) -> float:
-    level = 1.4826 * float(np.median(np.abs(_third_differences(stretches))))
+    level = 1.4826 * float(np.median(np.abs(_differences(stretches, THIRD))))
     between = between_lines(stretches)
     return between if between < MOSTLY_LINES * level else level
 
 
-def _third_differences(stretches: Sequence[FloatArray]) -> FloatArray:
-    """(N,) of the recorded samples, as large as one sample of white noise; a zero if there are none."""
-    third = np.concatenate([np.diff(x, 3) for x in stretches if x.size > 8] or [np.zeros(0)])
-    third = third[np.isfinite(third)]
-    return np.asarray(third / np.sqrt(THIRD_DIFFERENCE)) if third.size else np.zeros(1)
+def _differences(stretches: Sequence[FloatArray], order: int) -> FloatArray:
+    """(N,) differences of the recorded samples, as large as one sample of white noise; a zero if there are none."""
+    found = np.concatenate([np.diff(x, order) for x in stretches if x.size > 8] or [np.zeros(0)])
+    found = found[np.isfinite(found)]
+    return np.asarray(found / np.sqrt(math.comb(2 * order, order))) if found.size else np.zeros(1)
 
 
 def between_lines(stretches: Sequence[FloatArray]) -> float:

@@ -16,7 +16,7 @@ from drake_tc.diagnosis.data.resolution import (
     light_width,
     quantisation_error,
 )
-from drake_tc.diagnosis.data.sensors import between_lines, sample_noise, white_noise
+from drake_tc.diagnosis.data.sensors import between_lines, sample_noise, scatter, white_noise
 from drake_tc.diagnosis.problem.columns import Columns, Term
 from drake_tc.effects.base import Signals
 from drake_tc.effects.library import effect
@@ -223,3 +223,21 @@ def test_white_noise_of_a_short_channel_has_no_spectrum():
     values = np.random.default_rng(1).normal(0.0, 0.3, 200)
     assert between_lines([values]) == np.inf
     assert sample_noise(values, 0.0, [slice(0, 200)]) == pytest.approx(0.3, rel=0.2)
+
+
+def test_a_goal_that_is_held_over_two_samples_does_not_scatter():
+    """Its stairs are those that the servo follows; read at instants that drift against them, it scatters."""
+    goal = np.repeat(np.sin(2.0 * np.pi * 0.8 * np.arange(10_000) * 2e-3), 2)
+    assert scatter(goal, [slice(0, goal.size)]) < 1e-6
+    read = np.random.default_rng(0).uniform(0.0, 2e-3, 5000)
+    drifting = np.sin(2.0 * np.pi * 0.8 * (np.arange(5000) * 4e-3 - read))
+    speed = 2.0 * np.pi * 0.8 / np.sqrt(2.0)
+    assert scatter(drifting, [slice(0, 5000)]) == pytest.approx(speed * 2e-3 / np.sqrt(12.0), rel=0.15)
+
+
+def test_the_motion_of_a_goal_in_a_slow_log_is_not_its_noise():
+    time = np.arange(2000) * 0.05
+    goal = 0.6 * np.sin(2.0 * np.pi * 0.7 * time) + 0.3 * np.sin(2.0 * np.pi * 0.31 * time)
+    assert scatter(goal, [slice(0, time.size)]) < 2e-4
+    noisy = goal + 2e-3 * np.random.default_rng(1).normal(size=time.size)
+    assert scatter(noisy, [slice(0, time.size)]) == pytest.approx(2e-3, rel=0.15)
