@@ -118,7 +118,8 @@ def scatter(values: FloatArray, segments: Sequence[slice]) -> float:
 
     A goal that is held for h seconds, and sampled at instants that drift against those at which it is written, is up to
     h old: its samples scatter by up to h times its speed. They do not while it rests, so a median shows nothing. Of a
-    goal that is held over several samples each value counts once: the servo follows the same stairs. The largest `STEPS` of the differences take no part: a goal may step.
+    goal that is held over several samples each value counts once: the servo follows the same stairs. The largest
+    `STEPS` of the differences take no part: a goal may step.
     """
     held = typical_hold(values, segments)
     own = [values[s][run_lengths(values[s])[0]] if held > 1.0 else values[s] for s in segments]
