@@ -47,7 +47,6 @@ WRONG: frozenset[str] = frozenset(
         "sensors: coloured noise of a torque",
         "sensors: more noise of a torque than is declared",
         "sensors: noise of the position of a current, 1 to 5 Hz",
-        "sensors: noise of the torque of a position_servo, 1 to 5 Hz",
         "sensors: white noise of a torque under a servo",
         "set-up: friction that grows with the load is no torque constant",
         "timing: a current three periods late",
