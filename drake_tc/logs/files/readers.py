@@ -111,15 +111,13 @@ def _read_parquet(path: Path, episode: int | None = None) -> pd.DataFrame:
 
 def _read_feather(path: Path, episode: int | None = None) -> pd.DataFrame:
     """An Arrow file: Feather version 2."""
-    batches, size = [], 0.0
     with path.open("rb") as file:
-        arrow = pyarrow.ipc.open_file(file)
+        arrow, size = pyarrow.ipc.open_file(file), 0.0
         for number in range(arrow.num_record_batches):
-            batches.append(arrow.get_batch(number))
-            size += batches[-1].nbytes
+            size += arrow.get_batch(number).nbytes
             check_size(path, path.stat().st_size, size)
-        table = pyarrow.Table.from_batches(batches, arrow.schema).to_pandas()
-        return _of_arrow(table, arrow.schema, Source(path, episode))
+        file.seek(0)
+        return _of_arrow(pd.read_feather(file), arrow.schema, Source(path, episode))
 
 
 def _of_arrow(table: pd.DataFrame, schema: Any, source: Source) -> pd.DataFrame:
