@@ -14,7 +14,7 @@ import scipy.io
 
 from .odd import NAMES, damage_bytes
 
-FORMATS = (".csv", ".csv.gz", ".parquet", ".npz", ".mat", ".json", ".json.gz", ".jsonl")
+FORMATS = (".csv", ".csv.gz", ".parquet", ".feather", ".npz", ".mat", ".json", ".json.gz", ".jsonl")
 CELLS = (
     "overload",
     "",
@@ -114,11 +114,13 @@ def _written(columns: Columns, suffix: str, rng: Random) -> bytes:
         return _npz(columns, rng)
     if suffix == ".mat":
         return _mat(columns, rng)
+    write = pd.DataFrame.to_parquet if suffix == ".parquet" else pd.DataFrame.to_feather
     buffer = io.BytesIO()
     try:
-        _frame(columns).to_parquet(buffer, index=False)
+        write(_frame(columns), buffer)
     except Exception:  # what Arrow cannot hold
-        _frame({f"c{i}": np.asarray(v).astype(str) for i, v in enumerate(columns.values())}).to_parquet(buffer)
+        buffer = io.BytesIO()
+        write(_frame({f"c{i}": np.asarray(v).astype(str) for i, v in enumerate(columns.values())}), buffer)
     return buffer.getvalue()
 
 

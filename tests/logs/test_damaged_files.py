@@ -134,6 +134,10 @@ def zeros_of_parquet(path):
     pd.DataFrame({"time": np.zeros(2**24)}).to_parquet(path)
 
 
+def zeros_of_feather(path):
+    pd.DataFrame({"time": np.zeros(2**24)}).to_feather(path, compression="zstd")
+
+
 def texts_that_are_not_utf8(path):
     places = pa.py_buffer(np.array([0, 1, 2], np.int32).tobytes())
     texts = pa.Array.from_buffers(pa.string(), 2, [None, places, pa.py_buffer(b"a\xff")])
@@ -146,6 +150,7 @@ def texts_that_are_not_utf8(path):
         ("run.json.gz", lambda path: path.write_bytes(packed(b"[" + b" " * 2**27 + b"]")), "would unpack to"),
         ("run.mat", zeros_of_matlab, "would unpack to"),
         ("run.parquet", zeros_of_parquet, "would unpack to"),
+        ("run.feather", zeros_of_feather, "would unpack to"),
         ("run.parquet", texts_that_are_not_utf8, "cannot be read"),
     ],
 )

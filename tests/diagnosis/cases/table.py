@@ -12,6 +12,7 @@ WRONG: frozenset[str] = frozenset(
         "drive: a fitted rotor, noise of 0.1 steps",
         "drive: a fitted rotor, noise of 0.3 steps",
         "drive: a fitted rotor, noise of 1.0 steps",
+        "drive: a torque drive of another scale than declared",
         "drive: an undeclared rotor at 50 Hz",
         "drive: an undeclared rotor at 50 Hz, four held-out runs",
         "drive: an undeclared rotor beside a known gain",
