@@ -201,7 +201,7 @@ class BlockConvolution:
         padded = np.zeros(blocks * step + lost)
         np.subtract(x, level, out=padded[: x.size])
         (stride,) = padded.strides
-        parts = np.lib.stride_tricks.as_strided(padded, (blocks, self._size), (step * stride, stride), writeable=False)
+        parts = np.ndarray((blocks, self._size), np.float64, padded, strides=(step * stride, stride))
         spectrum = rfft(parts, axis=1)
         spectrum *= self._spectrum
         return np.asarray(irfft(spectrum, self._size, axis=1) + level * self._total)

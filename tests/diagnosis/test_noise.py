@@ -4,11 +4,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+import scipy.signal
 
 from drake_tc.diagnosis.data.preparation import build_samples
 from drake_tc.diagnosis.data.samples import Samples
 from drake_tc.diagnosis.diagnose import joint_model
-from drake_tc.diagnosis.noise import NoiseModel, Rows, drawn_noise, fitted_noise, independent_share
+from drake_tc.diagnosis.noise import (
+    SPECTRUM,
+    NoiseModel,
+    Rows,
+    _density,
+    drawn_noise,
+    fitted_noise,
+    independent_share,
+)
 from drake_tc.diagnosis.problem.prepared import prepare_joint
 from drake_tc.kernels.calls import Kernel
 from drake_tc.logs.record import Run
@@ -179,3 +188,10 @@ def test_a_shifted_torque_leaves_what_a_torque_in_time_leaves() -> None:
     expected = models[0].train.recorded.target[own][inner]
     np.testing.assert_allclose(there.train.recorded.target[other][inner], expected, atol=1e-4 * np.std(expected))
     np.testing.assert_allclose(again.train.recorded.target, there.train.recorded.target, rtol=1e-12)
+
+
+@pytest.mark.parametrize("size", [7, 60, 255, 256, 257, 1500])
+def test_the_spectral_density_is_that_of_scipy(size: int) -> None:
+    values = np.random.default_rng(size).normal(size=size)
+    expected = scipy.signal.welch(values, 250.0, nperseg=min(size, SPECTRUM), nfft=SPECTRUM, detrend=False)[1]
+    np.testing.assert_allclose(_density(values, 250.0), expected, rtol=1e-10, atol=1e-15)
