@@ -55,6 +55,10 @@ class NoiseModel:
     rest: float = 0.0
     moving: float = 0.0
 
+    def white(self, at_rest: FloatArray, moving: FloatArray) -> FloatArray:
+        """(N,) variance of the white noise over s^2, of rows with these shares near rest and squared speeds."""
+        return np.asarray(1.0 + self.rest * at_rest + self.moving * moving)
+
 
 def independent_rows(samples: Samples) -> IntArray:
     """Indices into the rows, so far apart that white noise of the sensors is nearly independent after the filters.
@@ -112,7 +116,7 @@ class Rows:
 
     def variances(self, noise: NoiseModel) -> FloatArray:
         """(N,) variance of the white noise of all rows over s^2."""
-        return np.asarray(1.0 + noise.rest * self._at_rest + noise.moving * self._moving)
+        return noise.white(self._at_rest, self._moving)
 
     def weighed(self, residual: FloatArray, noise: NoiseModel) -> FloatArray:
         """(N,) residual of all rows over the deviation of its white noise."""
@@ -125,8 +129,7 @@ class Rows:
     def innovations(self, values: FloatArray, noise: NoiseModel) -> tuple[FloatArray, float]:
         """Values (n, k) of the rows that count, whitened, and the log determinant."""
         values, out = np.ascontiguousarray(values), np.empty(values.shape)
-        at_rest, moving = self._counting
-        white = 1.0 + noise.rest * at_rest + noise.moving * moving
+        white = noise.white(*self._counting)
         return out, float(_whiten(values, self.apart, white, noise.ratio, noise.memory, out))
 
     @cached_property

@@ -21,7 +21,7 @@ SLOWEST_TOPIC: Mapping[bool, float] = {False: WIDEST_FINAL, True: WIDEST_LIGHT}
 """Time [s] for which a command may typically stay the same and still be a channel that a slower topic reports; of a
 position servo (true), whose goal is never measured, less than of another drive. Values that stay for longer are steps
 that somebody commands, and the differences between them are no noise."""
-THIRD, ORDERS = 3, (3, 4, 5, 6)
+ORDERS = (3, 4, 5, 6)
 """Of the differences that tell a goal's scatter; the higher the order, the less of a slowly sampled motion is left."""
 STEPS = 0.05
 """Share of a goal's samples that may belong to steps."""
@@ -131,7 +131,7 @@ def scatter(values: FloatArray, segments: Sequence[slice]) -> float:
 
 
 def _white_noise(stretches: Sequence[FloatArray]) -> float:
-    level = 1.4826 * float(np.median(np.abs(_differences(stretches, THIRD))))
+    level = 1.4826 * float(np.median(np.abs(_differences(stretches, ORDERS[0]))))
     between = between_lines(stretches)
     return between if between < MOSTLY_LINES * level else level
 
