@@ -1,7 +1,7 @@
 """From the name of a column to the quantity and the joint that it seems to be of."""
 
 import re
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from types import MappingProxyType
@@ -251,6 +251,11 @@ def meaning(name: str) -> Meaning | None:
     if told is not None and told.quantity == "time" and last and len(words(name)) > 1 and last[0].lower() in TIME:
         return replace(told, unit=last[0].lower())
     return told
+
+
+def time_among(names: Iterable[str]) -> str | None:
+    """The first name that is called like a time; None if there is none."""
+    return next((name for name in names if (told := meaning(name)) is not None and told.quantity == "time"), None)
 
 
 def names_joints(name: str) -> bool:

@@ -23,7 +23,7 @@ import pyarrow.parquet  # type: ignore[import-untyped]
 
 from drake_tc.config.files import check_size, is_file, is_folder
 from drake_tc.errors import LogError
-from drake_tc.logs.names import meaning
+from drake_tc.logs.names import meaning, time_among
 from drake_tc.logs.record import MIN_ROWS, Run
 
 GAP_SECONDS, GAP_PERIODS = 1.0, 20.0
@@ -89,8 +89,7 @@ def with_times_told(episodes: Sequence[pd.DataFrame], source: Source, expected: 
     Raises:
         LogError: No times; says what was `expected`.
     """
-    told = {str(name): meaning(str(name)) for name in episodes[0].columns}
-    time = next((name for name, each in told.items() if each is not None and each.quantity == "time"), None)
+    time = time_among(map(str, episodes[0].columns))
     if time is None:
         raise LogError(f"{source.path}: {len(episodes)} episodes without times; expected {expected}")
     return one_log(dict(enumerate(episodes)), time, source)
@@ -105,8 +104,8 @@ def episodes_of_arrays(arrays: Mapping[str, np.ndarray]) -> list[dict[str, np.nd
     """
     values = {name: np.squeeze(value) for name, value in arrays.items()}
     stacks = {value.shape[:2] for value in values.values() if value.ndim == 3}
-    told = {name: meaning(name) for name in values}
-    time = next((values[name] for name, each in told.items() if each is not None and each.quantity == "time"), None)
+    called = time_among(values)
+    time = None if called is None else values[called]
     if time is not None and time.ndim == 2 and (not stacks or stacks == {time.shape}):
         shape, along = time.shape, int(np.all(time[:, 1] > time[:, 0]))
     elif len(stacks) == 1 and (time is None or time.ndim == 1):
@@ -150,7 +149,7 @@ def with_episodes_apart(table: pd.DataFrame, source: Source) -> pd.DataFrame:
         if source.episode is None:
             return table
         raise LogError(f"{source.path}: no episodes in this file; expected the file without #{source.episode}")
-    time = next((name for name in names if (told := meaning(name)) is not None and told.quantity == "time"), names[0])
+    time = time_among(names) or names[0]
     stamps = pd.to_numeric(table[time], errors="coerce").to_numpy(np.float64)
     if source.episode is None and not np.any(np.diff(stamps)[np.diff(values) != 0.0] < 0.0):
         return table

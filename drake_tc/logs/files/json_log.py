@@ -24,7 +24,7 @@ from drake_tc.config.quoted import quoted
 from drake_tc.errors import LogError
 from drake_tc.logs.checks.clock import stated_period, with_times
 from drake_tc.logs.files.episodes import Source, with_times_told
-from drake_tc.logs.names import meaning, member, names_joints
+from drake_tc.logs.names import member, names_joints, time_among
 from drake_tc.logs.record import MIN_ROWS
 
 FORMS = "a mapping of columns {name: [values]}, or a list of records [{name: value}, ...]"
@@ -134,7 +134,7 @@ def _is_episode(record: object) -> bool:
     """Whether a record holds lists of samples, and not the values of one sample."""
     if not isinstance(record, dict):
         return False
-    stamped = any((told := meaning(name)) is not None and told.quantity == "time" for name in _numbers(record))
+    stamped = time_among(_numbers(record)) is not None
     lengths = [len(values) for values in _lists(record).values()]
     return not stamped and bool(lengths) and min(lengths) >= MIN_ROWS
 

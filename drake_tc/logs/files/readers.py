@@ -39,7 +39,7 @@ from drake_tc.logs.files.table_forms import (
     with_named_vectors,
     without_structs,
 )
-from drake_tc.logs.names import meaning, member, names_joints
+from drake_tc.logs.names import member, names_joints, time_among
 from drake_tc.logs.record import MIN_ROWS
 
 Reader = Callable[[Path], pd.DataFrame]
@@ -150,9 +150,8 @@ def _rows_of(arrays: Mapping[str, np.ndarray]) -> int:
     """Samples: values of a vector that is called like a time, else the longest first axis, or second of few rows."""
     shapes = {name: np.squeeze(value).shape for name, value in arrays.items() if value.size > 1}
     vectors = {name: shape[0] for name, shape in shapes.items() if len(shape) == 1}
-    for name, size in vectors.items():
-        if (told := meaning(name)) is not None and told.quantity == "time":
-            return int(size)
+    if (time := time_among(vectors)) is not None:
+        return int(vectors[time])
     longest = max((shape[0] for shape in shapes.values() if len(shape) in (1, 2)), default=0)
     return longest if longest >= MIN_ROWS else max((max(s) for s in shapes.values() if len(s) in (1, 2)), default=0)
 

@@ -15,7 +15,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import pandas as pd
 
-from drake_tc.logs.names import meaning, names_joints, words
+from drake_tc.logs.names import meaning, names_joints, time_among, words
 from drake_tc.logs.record import MIN_ROWS
 from drake_tc.logs.units import is_unit
 
@@ -159,7 +159,7 @@ def with_channels_apart(table: pd.DataFrame) -> pd.DataFrame:
     0.00, hip, 0.1          ->   0.00, 0.1, 0.5
     0.00, knee, 0.5
     """
-    time = next((name for name in table.columns if (told := meaning(name)) is not None and told.quantity == "time"), "")
+    time = time_among(table.columns) or ""
     keys = [name for name in table.columns if name != time and _is_owner(name, table[name])]
     if not time or not keys or len(table) < 2 * MIN_ROWS:
         return table
