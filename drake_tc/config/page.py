@@ -60,7 +60,7 @@ def key_table(model: type[Keys]) -> str:
     for name, field in model.model_fields.items():
         shown = field.alias or name
         if not shown.startswith(HIDDEN):
-            example = f"`{shown}: {_yaml(field.examples[0])}`" if field.examples else "–"
+            example = f"`{shown}: {flow_yaml(field.examples[0])}`" if field.examples else "–"
             rows.append((f"`{shown}`", field.description or "", unit_of(field), default_of(field), example))
     return table(("key", "meaning", "unit", "default", "example"), rows)
 
@@ -71,12 +71,12 @@ def table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     return "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines)
 
 
-def _yaml(value: Any) -> str:
+def flow_yaml(value: Any) -> str:
     """A value in YAML's flow style, on one line."""
     if isinstance(value, dict):
-        return "{" + ", ".join(f"{name}: {_yaml(each)}" for name, each in value.items()) + "}"
+        return "{" + ", ".join(f"{name}: {flow_yaml(each)}" for name, each in value.items()) + "}"
     if isinstance(value, list | tuple):
-        return "[" + ", ".join(map(_yaml, value)) + "]"
+        return "[" + ", ".join(map(flow_yaml, value)) + "]"
     return "null" if value is None else value if isinstance(value, str) else json.dumps(value)
 
 

@@ -89,20 +89,19 @@ COLUMN_MEANING: Mapping[str, str] = {
     "position_command": "Commanded position of the servo.",
     "motor_position": "Position of the motor, divided by the gear ratio.",
     "velocity": "Joint velocity.",
-    "current": "Motor current (the command of a current drive).",
-    "voltage": "Motor voltage (the command of a voltage drive).",
-    "torque_command": "Commanded torque (or force) of a torque drive, on the link's side of the gear.",
-    "torque": "Torque (or force) on the link's side of the gear, measured or estimated.",
+    "current": "Motor current.",
+    "voltage": "Motor voltage.",
+    "torque_command": "Commanded torque of a torque drive, on the link's side of the gear.",
+    "torque": "Torque on the link's side of the gear, measured or estimated.",
     "temperature": "Temperature of the motor or the gear.",
     "supply_voltage": "Voltage that feeds the drive.",
-    "position_gain": "Gain of a proportional position loop around a voltage or current drive: effort = gain · "
-    "(position_command − position), up to the rig's `saturation`. With it, position_command drives the free runs.",
+    "position_gain": "Gain of a position loop around a voltage or current drive: effort = gain · (position_command − "
+    "position), up to `saturation`. With it, position_command drives the free runs.",
     "enabled": "0 or false while the drive is off.",
     "gyro_x": "Angular rates of an IMU.",
-    "accel_x": "Proper accelerations of an IMU: at rest, the axis that points upwards reads +9.81 m/s².",
-    "fx": "Forces of an F/T sensor: what the distal part (the foot) exerts on the proximal one. A standing robot reads "
-    "+fz where z points upwards.",
-    "tx": "Torques of an F/T sensor about its origin, of the distal part on the proximal one.",
+    "accel_x": "Proper accelerations: at rest, the axis that points upwards reads +9.81 m/s².",
+    "fx": "Forces of the distal part (the foot) on the proximal one. A robot that stands reads +fz with z upwards.",
+    "tx": "Torques, likewise, about the sensor's origin.",
 }
 """What a canonical column holds, by its last part; the axes y and z as x."""
 

@@ -4,9 +4,10 @@
 from the model of the file and from the effect library.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
+from typing import get_args
 
 from jinja2 import Environment, StrictUndefined
 from markupsafe import Markup
@@ -14,8 +15,8 @@ from markupsafe import Markup
 from drake_tc import __version__
 from drake_tc.config.files import utf8_text
 from drake_tc.config.joint_units import in_units_of
-from drake_tc.config.keys import Keys
-from drake_tc.config.page import key_table, table
+from drake_tc.config.keys import HIDDEN, Keys, default_of, unit_of
+from drake_tc.config.page import flow_yaml, table
 from drake_tc.diagnosis.problem.declared import ALWAYS, can_be_held
 from drake_tc.effects.base import Effect
 from drake_tc.effects.library import effect
@@ -83,28 +84,23 @@ def plain_page(title: str, kicker: str, lead: Sequence[str], sections: Sequence[
 
 EXAMPLES = ("joint_rig.yaml", "leg_rig.yaml", "leg_robot.yaml")
 """The complete examples in drake_tc/logs/examples."""
+JOINT_TOLERANCES = (TorqueSensorKeys, EncoderKeys, CurrentKeys, VoltageKeys, TorqueCommandKeys)
+"""Mappings inside `JointSensorKeys`."""
 
 
 def rig_page() -> str:
     """The page as Markdown."""
     parts = {
-        "top": key_table(RigDocument),
+        "top": _key_table(RigDocument),
         "load_words": table(("`load:`", "meaning"), ((f"`{word}`", meaning) for word, meaning in WORDS.items())),
         "load_kinds": "\n\n".join(_load_kind(name) for name in KINDS),
         "columns": _column_table(),
-        "effects": table(
-            ("id", "effect", "parameters [unit]", "a declared value is"),
-            ((f"`{name}`", effect(name).title, _parameters(effect(name)), _use(effect(name))) for name in EFFECT_IDS),
-        ),
+        "held": _effect_table(held=True),
+        "fitted": _effect_table(held=False),
         "robot_causes": ", ".join(f"`{name}`" for name in ROBOT_CAUSES),
-        "joint_sensors": key_table(JointSensorKeys),
-        "torque_sensor": key_table(TorqueSensorKeys),
-        "encoder": key_table(EncoderKeys),
-        "current": key_table(CurrentKeys),
-        "voltage": key_table(VoltageKeys),
-        "torque_command": key_table(TorqueCommandKeys),
-        "force_torque": key_table(ForceTorqueKeys),
-        "imu": key_table(ImuKeys),
+        "joint_sensors": _key_table(JointSensorKeys),
+        "force_torque": _key_table(ForceTorqueKeys),
+        "imu": _key_table(ImuKeys),
         "parts": _part_table(),
         **{name.split(".")[0]: example(name).rstrip() for name in EXAMPLES},
     }
@@ -124,43 +120,69 @@ def _load_kind(name: str) -> str:
     field = kind.model_fields[name]
     inner = field.annotation
     if isinstance(inner, type) and issubclass(inner, Keys):
-        return f"**`load: {{{name}: ...}}`**. {inner.__doc__}\n\n{key_table(inner)}"
-    return f"**`load: {{{name}: ...}}`**. {kind.__doc__}\n\n{key_table(kind)}"
+        return f"**`load: {{{name}: ...}}`**. {inner.__doc__}\n\n{_key_table(inner)}"
+    return f"**`load: {{{name}: ...}}`**. {kind.__doc__}\n\n{_key_table(kind)}"
+
+
+def _key_table(model: type[Keys]) -> str:
+    """One row for each key of a mapping: its example, meaning and default."""
+    return table(("key, by an example [SI unit]", "meaning", "default"), _key_rows(model))
+
+
+def _key_rows(model: type[Keys], form: str = "{}") -> Iterator[tuple[str, str, str]]:
+    """Rows of a mapping; a mapping of sensors inside it has the rows of its keys, whose examples `form` puts inside."""
+    for name, field in model.model_fields.items():
+        shown = field.alias or name
+        if shown.startswith(HIDDEN):
+            continue
+        inner = [kind for kind in get_args(field.annotation) if kind in JOINT_TOLERANCES]
+        if inner:
+            yield from _key_rows(inner[0], f"{shown}: {{{{{{}}}}}}")
+            continue
+        example = form.format(f"{shown}: {flow_yaml((field.examples or [None])[0])}")
+        unit = f" [{unit_of(field)}]" if unit_of(field).strip("-–") else ""
+        yield f"`{example}`{unit}", field.description or "", default_of(field)
 
 
 def _column_table() -> str:
-    rows = [("`time`", COLUMN_MEANING["time"], *_units("time"))]
-    rows += [(f"`<joint>/{suffix}`", COLUMN_MEANING[suffix], *_units(suffix)) for suffix in JOINT_SUFFIXES]
-    rows += [("`<joint>/enabled`, `enabled`", COLUMN_MEANING["enabled"], "–", "–")]
+    names = {suffix: f"<joint>/{suffix}" for suffix in JOINT_SUFFIXES}
     for suffix in (name for name in SENSOR_SUFFIXES if name.endswith("x")):
         prefix = "imu" if suffix.startswith(("gyro", "accel")) else "ft"
-        axes = ", ".join(f"{suffix[:-1]}{axis}" for axis in "xyz")
-        rows.append((f"`{prefix}_<sensor>/{{{axes}}}`", COLUMN_MEANING[suffix], *_units(suffix)))
-    return table(("canonical column", "meaning", "SI unit", "units that may be declared"), rows)
+        names[suffix] = f"{prefix}_<sensor>/{suffix[:-1]}{{x,y,z}}"
+    rows = [("`time`", COLUMN_MEANING["time"], _units("time"))]
+    first: dict[str, str] = {}
+    for suffix, name in names.items():
+        units = _units(suffix)
+        same = first.setdefault(units, suffix)
+        rows.append((f"`{name}`", COLUMN_MEANING[suffix], units if same == suffix else f"as `{same}`"))
+    rows.append(("`<joint>/enabled`, `enabled`", COLUMN_MEANING["enabled"], "–"))
+    return table(("canonical column", "meaning", "SI unit; others that `units` takes"), rows)
 
 
-def _units(suffix: str) -> tuple[str, str]:
+def _units(suffix: str) -> str:
     units = list(allowed_units(suffix))
     slides = in_units_of("prismatic", units[0])
-    if suffix == "temperature":
-        si = "°C"
-    else:
-        si = f"{units[0]} or {slides}" if suffix in JOINT_SUFFIXES and slides != units[0] else units[0]
-    return si, ", ".join(f"`{unit}`" for unit in units)
+    si = ["°C"] if suffix == "temperature" else [units[0]]
+    if suffix in JOINT_SUFFIXES and slides != units[0]:
+        si.append(slides)
+    others = ", ".join(f"`{unit}`" for unit in units if unit not in si)
+    return " or ".join(si) + (f"; {others}" if others else "")
+
+
+def _effect_table(*, held: bool) -> str:
+    """The effects whose declared values are held, or those whose values are fitted anew."""
+    effects = ((name, effect(name)) for name in EFFECT_IDS)
+    rows = ((f"`{name}`", each.title, _parameters(each)) for name, each in effects if _held(each) == held)
+    return table(("id", "effect", "parameters [unit]"), rows)
 
 
 def _parameters(member: Effect) -> str:
-    listed = []
-    for parameter in member.parameters:
-        meaning = f" {parameter.description}" if parameter.description else ""
-        listed.append(f"`{parameter.name}`{meaning} [{parameter.unit.replace('*', '·')}]")
-    return ", ".join(listed)
+    return ", ".join(f"`{each.name}` [{each.unit.replace('*', '·')}]" for each in member.parameters)
 
 
-def _use(member: Effect) -> str:
-    """What a fit does with a declared value (`drake_tc.diagnosis.problem.declared`)."""
-    held = member.id == "rotor_inertia" or (member.id not in ALWAYS and can_be_held(member.id))
-    return "held" if held else "fitted anew"
+def _held(member: Effect) -> bool:
+    """Whether a fit takes a declared value as it is (`drake_tc.diagnosis.problem.declared`)."""
+    return member.id == "rotor_inertia" or (member.id not in ALWAYS and can_be_held(member.id))
 
 
 def _part_table() -> str:

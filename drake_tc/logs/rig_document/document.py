@@ -210,22 +210,22 @@ class RigDocument(Keys):
     SCHEMA: ClassVar[str] = "rig"
 
     joint: JointName | None = key(
-        "Name of the joint. A file has `joint` or `joints`, not both.",
+        "Name of the joint.",
         example="knee",
-        absent="required unless `joints` or `robot` is there",
+        absent="required without `joints` or `robot`",
     )
     joints: list[JointName] | None = key(
-        "Names of the joints.",
+        "Names of the joints, in place of `joint`.",
         example=["hip", "knee"],
-        absent="the driven joints of the robot file, with the key `robot`",
+        absent="the driven joints of the robot file",
     )
     robot: FileName | None = key(
-        "Robot file, relative to the rig file. The robot's model gives the load torques.",
+        "Robot file, relative to the rig file. Its model gives the load torques.",
         example="leg_robot.yaml",
         absent="no robot",
     )
     drive: PlainOrByJoint[Drive] = key(
-        "What the drive is commanded with: `position_servo` (column `position_command`, effort in rad), `current` "
+        "What the drive is commanded with, its effort: `position_servo` (column `position_command`, rad), `current` "
         "(`current`, A), `voltage` (`voltage`, V) or `torque` (`torque_command`, N·m).",
         example="position_servo",
         default=...,
@@ -234,17 +234,15 @@ class RigDocument(Keys):
     joint_type: PlainOrByJoint[Type] | None = key(
         "Whether the joint turns (`revolute`) or slides (`prismatic`).",
         example="prismatic",
-        absent="that of the URDF, with the key `robot`; `prismatic` where `units` has a unit such as mm or N for the "
-        "joint; else `revolute`",
+        absent="that of the URDF; without one, `prismatic` where `units` has a unit such as mm or N, else `revolute`",
     )
     columns: dict[str, ColumnName] | None = key(
-        "Canonical column: name of the column in the log.",
+        "Canonical column: its name in the log.",
         example={"time": "t", "position": "q_meas"},
         absent="the canonical names",
     )
     units: dict[str, Unit] | None = key(
-        "Canonical column, or its last part for all joints: unit of the column in the log. A leading `-` reverses the "
-        "sign; a number is a scale factor to SI.",
+        "Canonical column: its unit in the log. A leading `-` reverses the sign; a number is a factor to SI.",
         example={"time": "ms", "position": "deg", "torque": "-N*m", "current": 0.001},
         absent="SI",
     )
@@ -254,20 +252,19 @@ class RigDocument(Keys):
         absent="`torque`; with the key `robot`, `{robot: estimate}`",
     )
     declared: EntryOrByJoint[DeclaredEntry] | None = key(
-        "Effects that you already model: a list of ids, id: value, or a file (URDF, MJCF, or a parameter file of BAM) "
-        "relative to the rig file. They are part of the model before and are not searched for.",
+        "Effects that you already model. They are part of the model before and are not searched for.",
         example={"rotor_inertia": 0.31, "stribeck": None},
         absent="viscous and Coulomb friction alone",
     )
     enabled: LogColumn | None = key(
-        "Name in the log of a column that is 0 (or false) while the drive is off. Those rows are left out.",
+        "Column of the log that is 0 (or false) while the drive is off. Those rows are left out.",
         example="torque_on",
-        absent="a column `enabled` or `<joint>/enabled` of the log, where there is one",
+        absent="`enabled` or `<joint>/enabled`, where the log has it",
     )
     valid: LogColumn | list[LogColumn] | None = key(
-        "Which samples may be used: a column of the log that is 0 (or false) where they may not, or a comparison of a "
-        "column with a number in its own unit (`<`, `<=`, `>`, `>=`, `==`, `!=`). Of a list, all must hold. A missing "
-        "value does not hold. Use it to leave out a hand or a table that touches the joint.",
+        "Which samples may be used, for example those without a hand on the joint: a column that is 0 (or false) where "
+        "they may not, or a comparison of a column with a number in its own unit (`<`, `<=`, `>`, `>=`, `==`, `!=`). "
+        "Of a list, all must hold. A missing value does not hold.",
         example="tip_height > 0.02",
         absent="all samples",
     )
@@ -275,57 +272,55 @@ class RigDocument(Keys):
         "Known limit of the drive's effort.", unit="rad, A, V or N·m", example=12.0, absent="not known"
     )
     drive_gain: NumberOrByJoint | None = key(
-        "Gain of the drive as the maker states it: the effort for 1 N·m.",
-        unit="rad, A, V or N·m for 1 N·m",
+        "Effort for 1 N·m, as the maker states it.",
+        unit="effort/(N·m)",
         example=0.08,
-        absent="identified from the logs; 1 is expected of a torque drive",
+        absent="identified; 1 is expected of a torque drive",
     )
     torque_constant: NumberOrByJoint | None = key(
-        "Torque constant of the motor of a current drive, before the gear and without its losses; with `gear_ratio` an "
-        "alternative to `drive_gain`.",
+        "Torque constant of the motor of a current drive, before the gear and without its losses. The drive gain is "
+        "1/(`torque_constant` · `gear_ratio`).",
         unit="N·m/A",
         example=0.07,
-        absent="identified from the logs",
+        absent="identified",
     )
     gear_ratio: NumberOrByJoint | None = key(
-        "Turns of the motor for one turn of the joint; only with `torque_constant`. For a prismatic joint, the angle "
-        "of the motor [rad] for 1 m: 2π divided by the lead of a screw, or 1 divided by the radius of a pinion.",
+        "Turns of the motor for one turn of the joint. For a prismatic joint, its angle [rad] for 1 m: 2π/(lead of a "
+        "screw) or 1/(radius of a pinion).",
         unit="–",
         example=100.0,
-        absent="required with `torque_constant`",
+        absent="required with `torque_constant`, and only there",
     )
     proportional_gain: NumberOrByJoint | None = key(
-        "Gain of a position servo from its position error to the joint's torque; an alternative to `drive_gain`.",
+        "Torque of a position servo for 1 rad of position error. The drive gain is 1/`proportional_gain`.",
         unit="N·m/rad",
         example=20.0,
-        absent="identified from the logs",
+        absent="identified",
     )
     derivative_gain: NumberOrByJoint | None = key(
-        "Damping of a position servo whose torque is proportional_gain · (command − position) − derivative_gain · "
-        "velocity. Its damping is a part of the viscous friction that is identified; the report lists the joint's own "
-        "part.",
+        "Damping of a servo with the torque proportional_gain · (command − position) − derivative_gain · velocity. The "
+        "identified viscous friction contains it; the report lists the joint's own part.",
         unit="N·m·s/rad",
         example=1.5,
-        absent="not known; the viscous friction holds it",
+        absent="not known",
     )
     command_hold: bool | None = key(
-        "Whether the recorded command, current or voltage acts unchanged until the next sample (true), or the samples "
-        "are points of a continuous curve (false), as those of a measured current are.",
+        "Whether the recorded effort acts unchanged until the next sample (true) or is sampled from a continuous curve "
+        "(false), as a measured current is.",
         example=True,
-        absent="true where the training runs confirm it; for a position servo only if it is logged at 250 Hz or slower",
+        absent="true where the training runs confirm it; for a position servo only at 250 Hz or slower",
     )
     coupled: dict[str, dict[str, Number]] | None = key(
         "Gears that couple joints, with `load: {robot: ...}`. By joint: another joint, and the turns of the first "
         "joint's motor for one turn of the other joint, gear ratio taken out. Positions and position commands are "
         "those of the joints; currents, voltages and commanded torques are those of the motors.",
         example={"wrist_3": {"wrist_2": 1.0}},
-        absent="every motor turns with its own joint alone",
+        absent="no coupling",
     )
     sensors: SensorsKeys | None = key(
-        "Noise of the joints' channels, and tolerances of the joints' sensors and of the robot's F/T sensors and IMUs.",
+        "Noise of the joints' channels, and tolerances of all sensors.",
         example={"torque_noise": "0.25 N*m", "encoder_step": "1.5 mrad"},
-        absent="noise is estimated from the log; an F/T sensor or IMU has the tolerances of a typical one, a joint's "
-        "own sensor has none",
+        absent="the noise is estimated; F/T sensors and IMUs have typical tolerances, a joint's own sensors none",
     )
 
     @classmethod

@@ -20,9 +20,9 @@ from drake_tc.logs.rig_document.sensors import JointSensorKeys
 
 LoadWord: TypeAlias = Literal["torque", "unknown"]
 WORDS: Mapping[LoadWord, str] = {
-    "torque": "The column `<joint>/torque` of the log: the torque on the link's side of the gear.",
-    "unknown": "A pendulum of which nothing is known: its inertia, weight, zero and a constant torque are fitted; for "
-    "a prismatic joint, a mass and a constant force. No torque column is needed.",
+    "torque": "The column `<joint>/torque` of the log.",
+    "unknown": "A pendulum whose inertia, weight, zero and a constant torque are fitted; for a prismatic joint, a mass "
+    "and a constant force.",
 }
 """Kinds of load that are one word, and what they mean."""
 
@@ -46,7 +46,7 @@ OneOrByRun: TypeAlias = Annotated[
 
 
 class PendulumKeys(Keys):
-    """A rigid pendulum: τ = inertia · q̈ + mass · g · length · sin(q − zero). No torque column is needed."""
+    """A rigid pendulum: τ = inertia · q̈ + mass · g · length · sin(q − zero)."""
 
     mass: OneOrByRun = key("Mass.", unit="kg", example=1.2, default=..., expected="the mass [kg], a positive number")
     length: OneOrByRun = key(
@@ -59,9 +59,7 @@ class PendulumKeys(Keys):
     inertia: OneOrByRun | None = key(
         "Moment of inertia about the axis.", unit="kg m²", example=0.12, absent="mass · length² (a point mass)"
     )
-    zero: Number = key(
-        "Joint position at which the pendulum hangs straight down.", unit="rad", example=0.05, default=0.0
-    )
+    zero: Number = key("Joint position at which it hangs straight down.", unit="rad", example=0.05, default=0.0)
 
     def load(self) -> Load:
         """The load that the rest of the library uses."""
@@ -105,39 +103,38 @@ class ModelLoad(Keys):
     """The model of the robot that the key `robot` names. It must be the load of all joints of the rig."""
 
     robot: Annotated[RobotMethod, one_of(get_args(RobotMethod))] = key(
-        "`estimate` computes the torques from encoders, IMU and F/T sensors. `inverse_dynamics` leaves the F/T sensors "
-        "out: it is for a robot that touches nothing beyond its base. `fitted` does the same for a robot with a fixed "
-        "base, and fits the links' inertial parameters together with the joints' models.",
+        "`estimate`: from encoders, IMU and all six columns of every F/T sensor. `inverse_dynamics`: without F/T "
+        "sensors, for a robot that touches nothing beyond its base. `fitted`: the same for a fixed base, with the "
+        "links' inertial parameters fitted together with the joints' models.",
         example="estimate",
         default=...,
         expected=" | ".join(get_args(RobotMethod)),
     )
     tolerance: Ratio | None = key(
-        "With `robot: fitted`: how far the robot file's inertial parameters may be off, as the standard deviation of a "
-        "link's mass divided by that mass. Centres of mass and moments of inertia follow with the link's size.",
+        "With `fitted`: standard deviation of a link's mass over that mass. Centres of mass and moments of inertia "
+        "follow with the link's size.",
         unit="-",
         example="20 %",
         absent="1 (100 %)",
     )
     drive_gain_tolerance: Ratio | None = key(
-        "With `robot: fitted`: how far the declared drive gains, which fix the scale of all torques, may be off all "
-        "together, as a standard deviation divided by the gain. The gains are held; the intervals contain it.",
+        "With `fitted`: relative standard deviation of the declared drive gains, all together, which fix the scale of "
+        "all torques. The gains are held; the intervals contain it.",
         unit="-",
         example="5 %",
-        absent="0 (the declared gains are exact)",
+        absent="0 (exact)",
     )
     unknown_payload: list[str] = key(
-        "With `robot: fitted`: names of the logs, without their endings, in which `payload_link` carries an unknown "
-        "load. Its ten inertial parameters are fitted for each of these logs.",
+        "With `fitted`: names of the logs, without their endings, in which `payload_link` carries an unknown load. Its "
+        "ten inertial parameters are fitted for each of these logs.",
         example=["run_with_load"],
         default=[],
         absent="no log",
     )
     payload_link: str | None = key(
-        "The link that carries the unknown load: one that is moved by a joint. A robot with several outermost links "
-        "needs this key.",
+        "Link, moved by a joint, that carries the unknown load.",
         example="wrist_3_link",
-        absent="the robot's only outermost link",
+        absent="the only outermost link; required where there are several",
     )
 
     def load(self) -> Load:
@@ -148,12 +145,12 @@ class ModelLoad(Keys):
 
 
 class FittedLoad(Keys):
-    """A load of which nothing is known but its form; it is fitted together with the joint's model."""
+    """A load of which only the form is known; it is fitted together with the joint's model."""
 
     unknown: Annotated[UnknownForm, one_of(get_args(UnknownForm))] = key(
-        "`pendulum` is the same as the word `unknown`. `smooth` is an inertia and a smooth function of the position. "
-        "Only a declared `drive_gain` (or, for `smooth`, a declared rotor inertia) fixes the scale of the torques; "
-        "without it they are reported in the unit of the effort.",
+        "`pendulum`: the same as the word `unknown`. `smooth`: an inertia and a smooth function of the position. Only "
+        "a declared `drive_gain` (for `smooth`, also a declared rotor inertia) fixes the scale of the torques; without "
+        "it they are in the unit of the effort.",
         example="smooth",
         default=...,
         expected=" | ".join(get_args(UnknownForm)),

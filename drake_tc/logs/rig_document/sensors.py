@@ -35,24 +35,27 @@ _ATTRIBUTES: Mapping[tuple[str, ...], str] = {
     ("torque_command", "bias"): "torque_command_bias",
 }
 """Keys, the outer one first, to the attribute of `JointSensors`."""
+_EFFECT = "an error is an effect"
 
 
 class TorqueSensorKeys(Keys):
     """Tolerances of a joint's torque sensor, as standard deviations."""
 
     bias: Torque | None = key(
-        "Constant error of the torque.", unit="N·m", example="0.2 N*m", absent="a constant error is an effect"
+        "Constant error of the torque sensor, with `load: torque`.", unit="N·m", example="0.2 N*m", absent=_EFFECT
     )
-    gain: Ratio | None = key(
-        "Relative error of the scale.", unit="–", example="1 %", absent="an error of the scale is an effect"
-    )
+    gain: Ratio | None = key("Relative error of its scale.", unit="–", example="1 %", absent=_EFFECT)
 
 
 class EncoderKeys(Keys):
     """Tolerance of a joint's encoder, as a standard deviation."""
 
     offset: Position | None = key(
-        "Error of the zero.", unit="rad", example="0.2 deg", absent="an error of the zero is an effect"
+        "Error of the encoder's zero, where the load is a pendulum or the drive a position servo. With "
+        "`load: {robot: ...}` it only limits what is reported.",
+        unit="rad",
+        example="0.2 deg",
+        absent=_EFFECT,
     )
 
 
@@ -60,7 +63,7 @@ class CurrentKeys(Keys):
     """Tolerance of the recorded current, as a standard deviation."""
 
     bias: Current | None = key(
-        "Error of the zero.", unit="A", example="20 mA", absent="an error of the zero is an effect"
+        "Error of the recorded current's zero, with `drive: current`.", unit="A", example="20 mA", absent=_EFFECT
     )
 
 
@@ -68,7 +71,7 @@ class VoltageKeys(Keys):
     """Tolerance of the recorded voltage, as a standard deviation."""
 
     bias: Voltage | None = key(
-        "Error of the zero.", unit="V", example="50 mV", absent="an error of the zero is an effect"
+        "Error of the recorded voltage's zero, with `drive: voltage`.", unit="V", example="50 mV", absent=_EFFECT
     )
 
 
@@ -76,10 +79,10 @@ class TorqueCommandKeys(Keys):
     """Tolerance of the drive that makes the commanded torque, as a standard deviation."""
 
     bias: Torque | None = key(
-        "Constant by which the torque differs from its command.",
+        "Constant by which the torque differs from its command, with `drive: torque`.",
         unit="N·m",
         example="0.1 N*m",
-        absent="an error of the zero is an effect",
+        absent=_EFFECT,
     )
 
 
@@ -87,16 +90,16 @@ class JointSensorKeys(Keys):
     """Noise of a joint's own channels, which replaces what is estimated from the log, and tolerances of its sensors."""
 
     torque_noise: Torque | None = key(
-        "Standard deviation of one raw sample of the torque, before any filter.",
+        "Standard deviation of a raw sample of the torque, before any filter.",
         unit="N·m",
         example="0.25 N*m",
         absent="estimated from the log",
     )
     correlation_time: Time | None = key(
-        "Time over which the noise of the torque is correlated. White noise has 0.",
+        "Time over which the noise of the torque is correlated.",
         unit="s",
         example="20 ms",
-        absent="0; noise that is slower than white is estimated from the residual",
+        absent="0 (white); slower noise is estimated from the residual",
     )
     encoder_step: Position | None = key(
         "Step between two neighbouring positions of the encoder.",
@@ -105,33 +108,31 @@ class JointSensorKeys(Keys):
         absent="read from the log",
     )
     position_noise: Position | None = key(
-        "Standard deviation of one raw position, in addition to the rounding to steps.",
+        "Standard deviation of a raw position, beside the rounding to steps.",
         unit="rad",
         example="0.1 mrad",
         absent="estimated from the log",
     )
     torque: TorqueSensorKeys | None = key(
-        "Tolerances of the torque sensor; see below.",
+        "Tolerances of the torque sensor.",
         example={"bias": "0.2 N*m", "gain": "1 %"},
-        absent="its errors are effects",
+        absent=_EFFECT,
     )
-    encoder: EncoderKeys | None = key(
-        "Tolerance of the encoder; see below.", example={"offset": "0.2 deg"}, absent="its errors are effects"
-    )
+    encoder: EncoderKeys | None = key("Tolerance of the encoder.", example={"offset": "0.2 deg"}, absent=_EFFECT)
     current: CurrentKeys | None = key(
-        "Tolerance of the recorded current of `drive: current`; see below.",
+        "Tolerance of the recorded current of `drive: current`.",
         example={"bias": "20 mA"},
-        absent="its errors are effects",
+        absent=_EFFECT,
     )
     voltage: VoltageKeys | None = key(
-        "Tolerance of the recorded voltage of `drive: voltage`; see below.",
+        "Tolerance of the recorded voltage of `drive: voltage`.",
         example={"bias": "50 mV"},
-        absent="its errors are effects",
+        absent=_EFFECT,
     )
     torque_command: TorqueCommandKeys | None = key(
-        "Tolerance of the drive of `drive: torque`; see below.",
+        "Tolerance of the drive of `drive: torque`.",
         example={"bias": "0.1 N*m"},
-        absent="its errors are effects",
+        absent=_EFFECT,
     )
 
     @property
@@ -203,7 +204,7 @@ class ForceTorqueKeys(Keys):
     """Tolerances of one F/T sensor of the robot, as standard deviations, alike on all axes."""
 
     part: Annotated[str | None, *_part_of(FORCE_TORQUE_PARTS)] = key(
-        f"Kind of sensor whose tolerances hold where nothing else is said: {', '.join(FORCE_TORQUE_PARTS)}.",
+        f"Kind of sensor, whose tolerances hold by default: {', '.join(FORCE_TORQUE_PARTS)}.",
         example="typical",
         absent="typical",
     )
@@ -213,11 +214,11 @@ class ForceTorqueKeys(Keys):
     gain: Ratio | None = key("Relative error of the scale.", unit="–", example="1 %", absent=_TYPICAL)
     alignment: Position | None = key("Rotation error about each axis.", unit="rad", example="0.5 deg", absent=_TYPICAL)
     tare: Stretch | None = key(
-        "Begin and end of the stretch of every run, from its first row, in which nothing touches the robot beyond the "
-        "sensor: the sensor is zeroed there. `bias` is then the tolerance of the remaining error.",
+        "Stretch of every run, from its first row, in which nothing touches the robot beyond the sensor, which is "
+        "zeroed there. `bias` is then the tolerance of the remaining error.",
         unit="s",
         example=[0.0, "2 s"],
-        absent="the readings are taken as they are",
+        absent="not zeroed",
     )
 
     def tolerance(self) -> ForceTorqueTolerance:
@@ -230,7 +231,7 @@ class ImuKeys(Keys):
     """Tolerances of one IMU of the robot, as standard deviations, alike on all axes."""
 
     part: Annotated[str | None, *_part_of(IMU_PARTS)] = key(
-        f"Kind of sensor whose tolerances hold where nothing else is said: {', '.join(IMU_PARTS)}.",
+        f"Kind of sensor, whose tolerances hold by default: {', '.join(IMU_PARTS)}.",
         example="mpu_6050",
         absent="typical",
     )
