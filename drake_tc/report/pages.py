@@ -172,8 +172,8 @@ def _units(suffix: str) -> str:
 def _effect_table(*, held: bool) -> str:
     """The effects whose declared values are held, or those whose values are fitted anew."""
     effects = ((name, effect(name)) for name in EFFECT_IDS)
-    rows = ((f"`{name}`", each.title, _parameters(each)) for name, each in effects if _held(each) == held)
-    return table(("id", "effect", "parameters [unit]"), rows)
+    rows = ((f"`{name}`", f"{each.title}: {_parameters(each)}") for name, each in effects if _held(each) == held)
+    return table(("id", "effect: parameters [unit]"), rows)
 
 
 def _parameters(member: Effect) -> str:

@@ -262,9 +262,9 @@ class RigDocument(Keys):
         absent="`enabled` or `<joint>/enabled`, where the log has it",
     )
     valid: LogColumn | list[LogColumn] | None = key(
-        "Which samples may be used, for example those without a hand on the joint: a column that is 0 (or false) where "
-        "they may not, or a comparison of a column with a number in its own unit (`<`, `<=`, `>`, `>=`, `==`, `!=`). "
-        "Of a list, all must hold. A missing value does not hold.",
+        "Which samples may be used (those without a hand on the joint): a column that is neither 0 nor false, or its "
+        "comparison with a number in its own unit (`<`, `<=`, `>`, `>=`, `==`, `!=`). Of a list, all must hold. A "
+        "missing value does not hold.",
         example="tip_height > 0.02",
         absent="all samples",
     )
@@ -278,7 +278,7 @@ class RigDocument(Keys):
         absent="identified; 1 is expected of a torque drive",
     )
     torque_constant: NumberOrByJoint | None = key(
-        "Torque constant of the motor of a current drive, before the gear and without its losses. The drive gain is "
+        "Torque constant of a current drive's motor, without the losses of the gear. The drive gain is "
         "1/(`torque_constant` · `gear_ratio`).",
         unit="N·m/A",
         example=0.07,
@@ -298,8 +298,8 @@ class RigDocument(Keys):
         absent="identified",
     )
     derivative_gain: NumberOrByJoint | None = key(
-        "Damping of a servo with the torque proportional_gain · (command − position) − derivative_gain · velocity. The "
-        "identified viscous friction contains it; the report lists the joint's own part.",
+        "Damping of a servo with the torque proportional_gain · (command − position) − derivative_gain · velocity. It "
+        "is part of the identified viscous friction; the report lists the rest.",
         unit="N·m·s/rad",
         example=1.5,
         absent="not known",
@@ -311,9 +311,9 @@ class RigDocument(Keys):
         absent="true where the training runs confirm it; for a position servo only at 250 Hz or slower",
     )
     coupled: dict[str, dict[str, Number]] | None = key(
-        "Gears that couple joints, with `load: {robot: ...}`. By joint: another joint, and the turns of the first "
-        "joint's motor for one turn of the other joint, gear ratio taken out. Positions and position commands are "
-        "those of the joints; currents, voltages and commanded torques are those of the motors.",
+        "Gears that couple joints, with `load: {robot: ...}`: the turns of the first joint's motor for one turn of the "
+        "other joint, gear ratio taken out. Positions and their commands are those of the joints, currents, voltages "
+        "and commanded torques those of the motors.",
         example={"wrist_3": {"wrist_2": 1.0}},
         absent="no coupling",
     )
