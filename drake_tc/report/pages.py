@@ -82,8 +82,8 @@ def plain_page(title: str, kicker: str, lead: Sequence[str], sections: Sequence[
     return utf8_text(page)
 
 
-EXAMPLES = ("joint_rig.yaml", "leg_rig.yaml", "leg_robot.yaml")
-"""The complete examples in drake_tc/logs/examples."""
+EXAMPLES = ("joint_rig.yaml", "leg_rig.yaml")
+"""The complete examples in drake_tc/logs/examples. The second one names a robot file, which stands beside it."""
 JOINT_TOLERANCES = (TorqueSensorKeys, EncoderKeys, CurrentKeys, VoltageKeys, TorqueCommandKeys)
 """Mappings inside `JointSensorKeys`."""
 

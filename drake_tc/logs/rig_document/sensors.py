@@ -35,7 +35,7 @@ _ATTRIBUTES: Mapping[tuple[str, ...], str] = {
     ("torque_command", "bias"): "torque_command_bias",
 }
 """Keys, the outer one first, to the attribute of `JointSensors`."""
-_EFFECT = "an error is an effect"
+_EFFECT = "none"
 
 
 class TorqueSensorKeys(Keys):
