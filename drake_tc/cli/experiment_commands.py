@@ -20,10 +20,10 @@ from drake_tc.cli.terminal import print_wide, progress_bar, tell_declared
 from drake_tc.errors import LogError, ParamsError
 
 if TYPE_CHECKING:
+    from drake_tc.diagnosis.search import Progress
     from drake_tc.experiments.design.criteria import Expected
     from drake_tc.experiments.design.request import DesignRequest
     from drake_tc.experiments.design.run import DesignOptions, JointDesign
-    from drake_tc.experiments.design.search import Progress
     from drake_tc.experiments.rehearsal.run import Rehearsal
 
 

@@ -12,7 +12,7 @@ from pydrake.systems.framework import DiagramBuilder
 
 from drake_tc.errors import ParamsError
 from drake_tc.experiments.design.robot import RobotOptions, _sentences, design_robot, robot_limits
-from drake_tc.experiments.design.robot_goal import Determinant, RelativeIntervals, RobotNoise, robot_goal
+from drake_tc.experiments.design.robot_goal import RobotNoise, a_optimality, d_optimality, robot_goal
 from drake_tc.experiments.design.robot_search import Collisions
 from drake_tc.robot.plant import add_robot, joint_limits
 from drake_tc.robot.rigid_regressor import link_model
@@ -211,7 +211,7 @@ def test_the_slopes_by_the_motion_are_those_of_differences(arm):
     reference = np.random.default_rng(1).uniform(0.5, 2.0, goal.units.size)
     rng = np.random.default_rng(2)
     motion = tuple(rng.normal(size=(30, 3)) for _ in range(3))
-    for criterion in (Determinant(), RelativeIntervals(reference, tuple(goal.groups.values()))):
+    for criterion in (d_optimality, a_optimality(reference, tuple(goal.groups.values()))):
         value, slopes = goal.value_and_slopes(criterion, motion)
         assert_allclose(value, goal.value(criterion, motion), rtol=1e-12)
         for order in range(3):

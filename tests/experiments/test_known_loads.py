@@ -95,7 +95,7 @@ def test_the_best_split_for_two_parameters_under_two_loads_is_the_even_one():
     (x,) = (np.linalg.lstsq(basis.matrices[0], slow_sine(40.0)[0], rcond=None)[0],)
     even, uneven = (search.worth([x, x], slots).total for slots in ((2, 2), (1, 3)))
     assert_allclose(even - uneven, np.log(4.0 / 3.0), rtol=0.02)
-    assert len(set(splits(4, 3))) == 15 and all(sum(each) == 4 for each in splits(4, 3))
+    assert len(set(splits(4, 3))) == len(splits(4, 3)) == 15 and all(sum(each) == 4 for each in splits(4, 3))
 
 
 def test_an_added_mass_changes_inertia_and_gravity_of_a_joint_that_turns():

@@ -5,7 +5,7 @@ A check as a page for a person (`check.html`) and as plain data (`check.json`).
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,7 @@ from threadpoolctl import threadpool_limits
 
 from drake_tc.config.quoted import json_value
 from drake_tc.diagnosis.problem.prepared import prepare_joint
+from drake_tc.diagnosis.search import Progress
 from drake_tc.errors import IdentificationError
 from drake_tc.estimation.robot_loads import at_motors, motor_turns, robot_logs, with_robot_loads
 from drake_tc.experiments.check.consistency import Finding, findings
@@ -28,8 +29,6 @@ from drake_tc.report.numbers import percent, pretty_unit, significant
 from drake_tc.report.pages import PageSection, PageTable, plain_page
 from drake_tc.report.words import capital
 from drake_tc.types import FloatArray
-
-Progress = Callable[[str, float], None]
 
 
 @dataclass(frozen=True)

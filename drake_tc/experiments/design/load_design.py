@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from drake_tc.diagnosis.search import Progress
 from drake_tc.errors import ParamsError
 from drake_tc.experiments.design.criteria import Criterion, Discrimination, Expected, Worth, expected_of
 from drake_tc.experiments.design.following import tracking_warning
@@ -14,7 +15,7 @@ from drake_tc.experiments.design.loads import KnownLoad, carrying, require_usabl
 from drake_tc.experiments.design.motions import JointLimits
 from drake_tc.experiments.design.next_log import PlannedRun, next_log
 from drake_tc.experiments.design.run import TOLD, DesignOptions, JointDesign, design_joint, motion_search, with_sinusoid
-from drake_tc.experiments.design.search import MotionPlan, MotionSearch, Progress
+from drake_tc.experiments.design.search import MotionPlan, MotionSearch
 from drake_tc.experiments.fitted import FittedJoint
 
 BEYOND = 1e4

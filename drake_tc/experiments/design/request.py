@@ -13,6 +13,7 @@ from drake_tc.actuation.model_file import load_models
 from drake_tc.config.files import is_file
 from drake_tc.config.quoted import did_you_mean
 from drake_tc.diagnosis.data.preparation import load_scale
+from drake_tc.diagnosis.search import Progress
 from drake_tc.errors import ParamsError
 from drake_tc.experiments.design.goal import Goal, parse_goal
 from drake_tc.experiments.design.joint import DesignJoint
@@ -22,7 +23,6 @@ from drake_tc.experiments.design.loads import KnownLoad
 from drake_tc.experiments.design.motions import JointLimits
 from drake_tc.experiments.design.robot import RobotDesign, RobotOptions, design_robot, robot_limits, robot_noise
 from drake_tc.experiments.design.run import DesignOptions, JointDesign, design_joint
-from drake_tc.experiments.design.search import Progress
 from drake_tc.experiments.fitted import FittedJoint
 from drake_tc.experiments.sizes import sizes_found
 from drake_tc.logs.prepare import load_runs

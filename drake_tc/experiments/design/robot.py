@@ -33,6 +33,7 @@ from drake_tc.diagnosis.intervals import CRITICAL
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.problem.prepared import prepare_joint
 from drake_tc.diagnosis.robot.whole import declared_robot
+from drake_tc.diagnosis.search import Progress
 from drake_tc.errors import ParamsError
 from drake_tc.estimation.robot_loads import robot_logs, with_robot_loads
 from drake_tc.experiments.design.criteria import Expected
@@ -42,17 +43,16 @@ from drake_tc.experiments.design.robot_goal import (
     NOISE_SHARE,
     PER_SECOND,
     CriterionName,
-    Determinant,
-    RelativeIntervals,
     RobotGoal,
     RobotNoise,
-    SmallestEigenvalue,
+    a_optimality,
+    d_optimality,
+    e_optimality,
     robot_goal,
     standard_errors,
 )
 from drake_tc.experiments.design.robot_search import STEP, Collisions, RobotSearch
 from drake_tc.experiments.design.run import DesignOptions
-from drake_tc.experiments.design.search import Progress
 from drake_tc.experiments.fitted import moving_seconds
 from drake_tc.logs.prepare import in_order
 from drake_tc.logs.record import Run
@@ -213,14 +213,14 @@ def design_robot(
     rotors = [i for i, name in enumerate(robot.joints) if name in options.rotors]
     goal = robot_goal(link_model(robot), limits, options.duration, rng, rotors, options.noise)
     tight = tuple(each.with_margin(0.02) for each in limits)
-    search = RobotSearch(robot, bases, tight, goal, Determinant(), collision)
+    search = RobotSearch(robot, bases, tight, goal, d_optimality, collision)
     sinusoids = search.default(options.duration)
     default = standard_errors(goal.information(*sinusoids[:3]))
     if options.criterion != "D":
-        relative = RelativeIntervals(default, tuple(goal.groups.values()))
-        search = replace(search, criterion=relative if options.criterion == "intervals" else SmallestEigenvalue())
+        relative = a_optimality(default, tuple(goal.groups.values()))
+        search = replace(search, criterion=relative if options.criterion == "intervals" else e_optimality)
     (value, x), start_value = search.best(rng, options.starts, options.iterations, progress)
-    of_sinusoids = search.criterion.value(goal.information(*sinusoids[:3]))
+    of_sinusoids = search.criterion(goal.information(*sinusoids[:3]))[0]
     worse = of_sinusoids > value and collision.allows(sinusoids[0, :: max(1, round(0.1 / STEP))])
     spread = default if worse else standard_errors(goal.information(*search.motions(x)[:3]))
     expected = tuple(

@@ -2,14 +2,13 @@
 
 With C = M^-1 and the standard errors s_i = sqrt(C_ii), of which t_i are those after the growing sinusoids,
 
-    intervals:  f = -(2P/p) log(mean over the groups g of mean_{i in g} (s_i/t_i)^p),   df/dM = C W C
-    D:          f = log det M,                                                          df/dM = C
-    E:          f = log lambda_min(M), with the unit eigenvector u,                     df/dM = u u'/lambda_min
+    intervals:  f = -P log sum_i w_i s_i^2,   w_i = 1/(G |g| t_i^2),                df/dM = P C W C/sum_i w_i s_i^2
+    D:          f = log det M,                                                      df/dM = C
+    E:          f = log lambda_min(M), with the unit eigenvector u,                 df/dM = u u'/lambda_min
 
-W is diagonal. The groups are base parameters, friction coefficients and rotor inertias. With p = 2, the first criterion
-is A-optimality in units of the default's variances, with the same weight for each group. A larger p weighs the
-parameters more whose intervals are the widest in these units. D-optimality accepts wider intervals of a few friction
-coefficients for narrower ones of many base parameters.
+W is diagonal. The G groups are base parameters, friction coefficients and rotor inertias, and |g| is the size of that
+of parameter i. The first criterion is A-optimality in units of the default's variances, with the same weight for each
+group. D-optimality accepts wider intervals of a few friction coefficients for narrower ones of many base parameters.
 
 What a robot's motion tells: information about its links' base parameters, joint friction and rotors.
 
@@ -18,10 +17,9 @@ What a robot's motion tells: information about its links' base parameters, joint
 Z_i (T, P): columns of joint i in units of the parameters, s_i [N m]: noise, n_i: independent samples of the experiment.
 """
 
-from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, TypeAlias
 
 import numpy as np
 
@@ -33,68 +31,40 @@ from drake_tc.types import FloatArray, IntArray
 CriterionName = Literal["intervals", "D", "E"]
 LEAST = 1e-9
 """Smallest eigenvalue that is counted."""
-POWER = 2.0
-"""p of the power mean."""
+InformationCriterion: TypeAlias = Callable[[FloatArray], tuple[float, FloatArray]]
+"""M (P, P) to (f, df/dM (P, P)); a larger f is better."""
 
 
-class InformationCriterion(ABC):
-    """A function of the information: larger is better."""
-
-    @abstractmethod
-    def value_and_slope(self, information: FloatArray) -> tuple[float, FloatArray]:
-        """(f, df/dM (P, P)) at M (P, P)."""
-
-    def value(self, information: FloatArray) -> float:
-        """The value f at M (P, P)."""
-        return self.value_and_slope(information)[0]
+def d_optimality(information: FloatArray) -> tuple[float, FloatArray]:
+    """Log det M and its slope."""
+    eigen, vectors = _eigen(information)
+    return float(np.sum(np.log(eigen))), np.asarray((vectors / eigen) @ vectors.T)
 
 
-@dataclass(frozen=True)
-class Determinant(InformationCriterion):
-    """D-optimality."""
-
-    def value_and_slope(self, information: FloatArray) -> tuple[float, FloatArray]:
-        """Of log det M."""
-        eigen, vectors = _eigen(information)
-        return float(np.sum(np.log(eigen))), np.asarray((vectors / eigen) @ vectors.T)
+def e_optimality(information: FloatArray) -> tuple[float, FloatArray]:
+    """Log lambda_min(M) and its slope."""
+    eigen, vectors = _eigen(information)
+    return float(np.log(eigen[0])), np.outer(vectors[:, 0], vectors[:, 0]) / eigen[0]
 
 
-@dataclass(frozen=True)
-class SmallestEigenvalue(InformationCriterion):
-    """E-optimality."""
+def a_optimality(reference: FloatArray, groups: Sequence[IntArray]) -> InformationCriterion:
+    """The criterion of the intervals: 0 for the default motion, and 2P log 2 where all are half as wide.
 
-    def value_and_slope(self, information: FloatArray) -> tuple[float, FloatArray]:
-        """Of log lambda_min(M)."""
-        eigen, vectors = _eigen(information)
-        return float(np.log(eigen[0])), np.outer(vectors[:, 0], vectors[:, 0]) / eigen[0]
-
-
-@dataclass(frozen=True, eq=False)
-class RelativeIntervals(InformationCriterion):
-    """Power mean of the standard errors in units of those after the default motion.
-
-    Attributes:
+    Args:
         reference: (P,) standard errors t_i after the default motion.
         groups: Indices of the parameters of each group.
-        power: p.
     """
+    size, weights = reference.size, np.zeros(reference.size)
+    for group in groups:
+        weights[group] = 1.0 / (len(groups) * group.size * reference[group] ** 2)
 
-    reference: FloatArray
-    groups: Sequence[IntArray]
-    power: float = POWER
-
-    def value_and_slope(self, information: FloatArray) -> tuple[float, FloatArray]:
-        """The value is 0 for the default motion, and 2P log 2 where all intervals are half as wide."""
+    def criterion(information: FloatArray) -> tuple[float, FloatArray]:
         eigen, vectors = _eigen(information)
         covariance = (vectors / eigen) @ vectors.T
-        variance = np.diag(covariance)
-        powers = (np.sqrt(variance) / self.reference) ** self.power
-        share = np.zeros_like(powers)
-        for group in self.groups:
-            share[group] = powers[group] / (group.size * len(self.groups))
-        mean, scale = float(share.sum()), 2.0 * powers.size / self.power
-        weights = 0.5 * self.power * scale * share / (mean * variance)
-        return -scale * float(np.log(mean)), np.asarray((covariance * weights) @ covariance)
+        mean = float(weights @ np.diag(covariance))
+        return -size * float(np.log(mean)), np.asarray(size / mean * (covariance * weights) @ covariance)
+
+    return criterion
 
 
 def standard_errors(information: FloatArray) -> FloatArray:
@@ -200,7 +170,7 @@ class RobotGoal:
         rigid = self.links.columns(q, v, a)
         z = self._columns(rigid, v, a)
         excess, _ = self._excess(rigid, v)
-        return criterion.value(z.T @ z) - TORQUE_PENALTY * float(np.mean(excess**2))
+        return criterion(z.T @ z)[0] - TORQUE_PENALTY * float(np.mean(excess**2))
 
     def value_and_slopes(self, criterion: InformationCriterion, motion: Motion) -> tuple[float, FloatArray]:
         """(f, (3, T, n) its slopes by q, v and a), the same.
@@ -212,7 +182,7 @@ class RobotGoal:
         q, v, a = motion
         rigid = self.links.columns(q, v, a)
         z = self._columns(rigid, v, a)
-        value, by_information = criterion.value_and_slope(z.T @ z)
+        value, by_information = criterion(z.T @ z)
         by_column = (2.0 * z @ by_information).reshape(*v.shape, -1) * self._weights(len(v))[:, None]
         excess, sign = self._excess(rigid, v)
         value -= TORQUE_PENALTY * float(np.mean(excess**2))

@@ -17,11 +17,11 @@ from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.solvers import MathematicalProgram, SnoptSolver, SolverOptions
 from pydrake.systems.framework import DiagramBuilder
 
+from drake_tc.diagnosis.search import Progress
 from drake_tc.errors import ParamsError
 from drake_tc.experiments.design.lead import growing_sinusoids
 from drake_tc.experiments.design.motions import JointLimits, MotionBasis, shrunk
 from drake_tc.experiments.design.robot_goal import InformationCriterion, RobotGoal
-from drake_tc.experiments.design.search import Progress
 from drake_tc.robot.plant import add_robot
 from drake_tc.robot.robot import Robot
 from drake_tc.robot.urdf import links_without_solids

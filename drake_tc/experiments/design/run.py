@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from drake_tc.diagnosis.search import Progress
 from drake_tc.experiments.design.criteria import Criterion, Discrimination, Expected, expected_of
 from drake_tc.experiments.design.following import tracking_warning, what_limits
 from drake_tc.experiments.design.goal import Goal, criterion_of
@@ -12,7 +13,7 @@ from drake_tc.experiments.design.lead import Experiment, default_motion
 from drake_tc.experiments.design.motions import BasisKind, JointLimits, MotionBasis, motion_basis, scaled, whole_step
 from drake_tc.experiments.design.next_log import PlannedRun, next_log
 from drake_tc.experiments.design.robot_goal import CriterionName
-from drake_tc.experiments.design.search import MotionPlan, MotionSearch, Progress
+from drake_tc.experiments.design.search import MotionPlan, MotionSearch
 from drake_tc.experiments.fitted import FittedJoint
 from drake_tc.types import FloatArray
 

@@ -15,12 +15,14 @@ that about one trial in five succeeds (Rechenberg, 1973). A step that has become
 with rough logs. Of the best candidates and of what became of them, the simulated logs tell the best.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
 from drake_tc.config.joint_units import TORQUE
+from drake_tc.diagnosis.search import Progress
 from drake_tc.errors import ParamsError
 from drake_tc.experiments.design.criteria import Criterion, Worth
 from drake_tc.experiments.design.joint import DesignJoint
@@ -28,7 +30,6 @@ from drake_tc.experiments.design.motions import JointLimits, MotionBasis, shrunk
 from drake_tc.experiments.design.next_log import PlannedRun, next_log, rough_log
 from drake_tc.types import FloatArray
 
-Progress = Callable[[str, float], None]
 MARGIN = 0.01
 """Share by which the limits are narrowed, for what the motion does between two samples."""
 RANDOM_STARTS = 16
@@ -254,11 +255,6 @@ def slow_passes(joint: DesignJoint, basis: MotionBasis, limits: JointLimits) -> 
     return [within(joint, basis, limits, x) for x in passes]
 
 
-def splits(slots: int, loads: int) -> Iterator[tuple[int, ...]]:
+def splits(slots: int, loads: int) -> list[tuple[int, ...]]:
     """Every way to give a number of slots to a number of loads."""
-    if loads == 1:
-        yield (slots,)
-        return
-    for own in range(slots + 1):
-        for rest in splits(slots - own, loads - 1):
-            yield (own, *rest)
+    return [each for each in product(range(slots + 1), repeat=loads) if sum(each) == slots]

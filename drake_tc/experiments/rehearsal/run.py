@@ -7,18 +7,19 @@ A rehearsal as JSON and as a page with its power curve.
 """
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Executor, as_completed
 from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-from scipy.stats import beta as beta_distribution
+from scipy.stats import binomtest
 from threadpoolctl import threadpool_limits
 
 from drake_tc.config.quoted import json_value
 from drake_tc.diagnosis.diagnose import diagnose_joint
 from drake_tc.diagnosis.options import DiagnosisOptions
+from drake_tc.diagnosis.search import Progress
 from drake_tc.effects.library import effect
 from drake_tc.errors import DrakeTcError, IdentificationError, ParamsError
 from drake_tc.experiments.causes import cause_of, cause_values
@@ -29,7 +30,6 @@ from drake_tc.report.numbers import percent, pretty_unit, significant
 from drake_tc.report.pages import PageSection, PageTable, plain_page
 from drake_tc.report.plots.svg import BACKWARD, FORWARD, new_figure, page_style, to_svg
 
-Progress = Callable[[str, float], None]
 FACTORS = (0.125, 0.25, 0.5, 1.0, 2.0)
 """Sizes that are tried, in units of the given or the typical one."""
 ONLY_REVOLUTE = frozenset(("payload", "presliding_hysteresis", "position_dependent_friction", "torque_ripple"))
@@ -229,9 +229,8 @@ def _point(trials: Sequence[Trial]) -> PowerPoint:
 
 def share_interval(found: int, trials: int) -> tuple[float, float]:
     """95 % interval of a share (Clopper and Pearson, Biometrika 26, 1934)."""
-    low = 0.0 if found == 0 else float(beta_distribution.ppf(0.025, found, trials - found + 1))
-    high = 1.0 if found == trials else float(beta_distribution.ppf(0.975, found + 1, trials - found))
-    return low, high
+    interval = binomtest(found, trials).proportion_ci()
+    return float(interval.low), float(interval.high)
 
 
 def half_power(points: Sequence[PowerPoint]) -> float:
