@@ -190,16 +190,15 @@ def _designed_joints(
 ) -> tuple[dict[str, Any], list[str]]:
     """Write the design of each joint; (design.json, lines for the console)."""
     from drake_tc.experiments.design.load_design import LoadDesign
-    from drake_tc.experiments.design.load_output import LoadExperiment
+    from drake_tc.experiments.design.load_output import load_json, load_lines, write_load_design
     from drake_tc.experiments.design.output import design_json, write_design
     from drake_tc.experiments.design.request import designed
 
     designs: dict[str, JointDesign] = {}
     for name, design in designed(request, options, progress).items():
         if isinstance(design, LoadDesign):  # of one joint
-            experiment = LoadExperiment(design)
-            experiment.write(folder, rate)
-            return experiment.json(), [*experiment.lines(), *expected_lines(design.expected)]
+            write_load_design(design, folder, rate)
+            return load_json(design), [*load_lines(design), *expected_lines(design.expected)]
         designs[name] = design
     write_design(designs, folder, rate)
     return design_json(designs), design_lines(designs)

@@ -14,7 +14,7 @@ from drake_tc.errors import DrakeTcError
 from drake_tc.experiments.design.goal import Goal
 from drake_tc.experiments.design.known import joint_from_logs
 from drake_tc.experiments.design.load_design import LoadDesign, design_with_loads
-from drake_tc.experiments.design.load_output import LoadExperiment
+from drake_tc.experiments.design.load_output import rig_entry
 from drake_tc.experiments.design.loads import KnownLoad
 from drake_tc.experiments.design.run import TOLD, DesignOptions, JointDesign
 from drake_tc.experiments.rehearsal.twin import TwinRun, integrated
@@ -136,7 +136,7 @@ def _designed(case: OpenCase) -> _Designed:
     outcome = replace(outcome, predicted=design.expected[0].after, refusal=design.refusal)
     runs += [_twin(f"trajectory_{k + 1}", run.design) for k, run in enumerate(design.runs)]
     specs += [hung(case.spec, run.load) for run in design.runs]
-    entry = LoadExperiment(design).rig_entry()
+    entry = rig_entry(design)
     rig = case.rig if entry is None else parse_rig(rig_document(case.rig) | {"load": entry})
     return _Designed(case, outcome, tuple(runs), tuple(specs), rig, has_unloaded=unloaded is not None)
 
