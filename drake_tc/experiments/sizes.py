@@ -23,12 +23,14 @@ class Size:
         name: Of the parameter, as in reports.
         unit: With the drive's own unit in place of "effort".
         typical: Size from which on the effect matters to the user of a model.
+        in_shape: Whether it is a shape parameter, in which the balance is not linear.
         falling: Whether a smaller number is a stronger effect (the limit of a saturation).
     """
 
     name: str
     unit: str
     typical: float
+    in_shape: bool = False
     falling: bool = False
 
 
@@ -51,10 +53,11 @@ def sizes_found(parameters: Mapping[str, Mapping[str, float | None]]) -> dict[st
 def size_of(effect: Effect, numbers: JointNumbers, context: Context, units: JointUnits | None = None) -> Size:
     """Name, unit and typical value of an effect's size on a joint; `units` are those of the context if not given."""
     name, unit = size_name(effect)
+    in_shape = not effect.coefficients and bool(effect.shapes)
     if effect.key == "current_lag.winding":
-        name, unit = "lag", "s"
+        in_shape, name, unit = True, "lag", "s"
     unit = (context.units if units is None else units).of(unit)
-    return Size(name, unit, effect.typical_size(numbers, context), effect.id == "saturation")
+    return Size(name, unit, effect.typical_size(numbers, context), in_shape, effect.id == "saturation")
 
 
 def strengths(effect: Effect, size: Size, context: Context) -> FloatArray:

@@ -25,7 +25,7 @@ def test_an_effect_that_the_declared_model_imitates_has_no_size(logged):
 def test_the_page_names_the_effects_without_a_size(logged):
     joint, limits = logged
     still = replace(joint, gravity=0.0, link_inertia=0.0, constant=0.0, resolution=None)
-    design = design_joint(still, limits, parse_goal("all"), DesignOptions(duration=10.0, starts=0))
+    design = design_joint(still, limits, parse_goal("all"), DesignOptions(duration=10.0, starts=1, iterations=0))
     assert any("no size" in text and "load_dependent_friction" in text for text in design.sentences)
     values = [each.after for each in design.expected]
     assert all(value == math.inf or value < 1e6 for value in values), values

@@ -152,21 +152,21 @@ def arm_joint(joint) -> DesignJoint:
     )
 
 
-FAST = {("parameters:stribeck", "arm_joint", 1), ("tell:delay,current_lag", "joint", 0)}
+FAST = {("parameters:stribeck", "arm_joint", 40), ("tell:delay,current_lag", "joint", 0)}
 GOALS = ("parameters", "parameters:stribeck", "tell:load_dependent_friction,quadratic_viscous")
 
 
 @pytest.mark.parametrize(
-    ("goal", "name", "starts"),
+    ("goal", "name", "iterations"),
     [
         pytest.param(*each, marks=[] if each in FAST else pytest.mark.slow)
-        for each in product((*GOALS, "tell:delay,current_lag", "all"), ("joint", "arm_joint"), (0, 1))
+        for each in product((*GOALS, "tell:delay,current_lag", "all"), ("joint", "arm_joint"), (0, 40))
     ],
 )
-def test_a_design_states_nothing_worse_than_its_comparison(request, name, goal, starts):
+def test_a_design_states_nothing_worse_than_its_comparison(request, name, goal, iterations):
     """By the stated figures alone: intervals, the probability, and the sizes at which effects are found."""
     limits = replace(LIMITS, velocity=1.5, acceleration=4.0)
-    options = replace(QUICK, starts=starts)
+    options = replace(QUICK, iterations=iterations)
     design = design_joint(request.getfixturevalue(name), limits, parse_goal(goal), options)
     after, default = (np.array([getattr(each, which) for each in design.expected]) for which in ("after", "default"))
     if goal.startswith("tell"):
@@ -306,7 +306,9 @@ def test_a_declared_drive_gain_is_no_free_parameter_of_a_design(joint):
 def test_the_next_run_spans_its_limits(joint):
     """Shapes that only the wider motion shows take part: a Stribeck speed beyond that of the logs."""
     wide = JointLimits((-1.5, 1.5), 6.0, 30.0, bandwidth_hz=2.0)
-    design = design_joint(joint, wide, parse_goal("tell:load_dependent_friction,stribeck"), replace(QUICK, starts=0))
+    design = design_joint(
+        joint, wide, parse_goal("tell:load_dependent_friction,stribeck"), replace(QUICK, starts=1, iterations=0)
+    )
     context = design.joint.context
     assert context.position_span == (-1.5, 1.5) and context.max_speed == 6.0
 

@@ -41,9 +41,8 @@ def test_a_search_climbs_within_the_limits_and_never_loses(joint):
     """Of all motions within +-q the one that waits at both ends has the largest mean square, q^2."""
     basis = scaled(motion_basis("fourier", 10.0, 0.02, 1.0), LIMITS)
     search = MotionSearch((joint,), basis, LIMITS, Hill(), 1)
-    first, found = (search.best(np.random.default_rng(0), starts=starts, trials=200) for starts in (0, 1))
+    first, found = (search.best(np.random.default_rng(0), starts=1, trials=trials) for trials in (0, 200))
     assert first.value == first.start_value == found.start_value < found.value <= 1.0
-    assert (first.starts, found.starts) == (0, 1)
     motion = basis.motion(found.x[0])
     for order, (low, high) in enumerate(LIMITS.bounds):
         assert low * (1.0 + 1e-9) <= motion[order].min() and motion[order].max() <= high * (1.0 + 1e-9)

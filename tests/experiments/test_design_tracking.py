@@ -62,5 +62,5 @@ def test_a_design_says_so(logged):
     n = joint.numbers
     heavy = replace(joint, numbers=replace(n, inertia=1.0 / (n.gain * (2.0 * np.pi * 0.6) ** 2), viscous=0.01))
     fast = replace(limits, torque=math.inf, acceleration=400.0)
-    design = design_joint(heavy, fast, parse_goal("parameters"), DesignOptions(duration=10.0, starts=0))
+    design = design_joint(heavy, fast, parse_goal("parameters"), DesignOptions(duration=10.0, starts=1, iterations=0))
     assert any("resonate" in text for text in design.sentences), design.sentences

@@ -46,7 +46,7 @@ def twin(read):
 @pytest.fixture(scope="module")
 def simulated(twin):
     """The twin's runs with the seed 3."""
-    return twin.simulated({}, 3)
+    return twin.simulator.simulated({}, 3, twin.runs)
 
 
 def test_the_twin_repeats_the_recorded_motion_with_the_recorded_load(simulated, read):
@@ -62,9 +62,8 @@ def test_the_twin_repeats_the_recorded_motion_with_the_recorded_load(simulated, 
 
 
 def test_the_same_seed_gives_the_same_runs_and_another_one_other_noise(twin, simulated):
-    one = replace(twin, runs=twin.runs[:1])
-    same, other = (one.simulated({}, seed)[0].columns for seed in (3, 4))
-    torque = f"{twin.joint}/torque"
+    same, other = (twin.simulator.simulated({}, seed, twin.runs[:1])[0].columns for seed in (3, 4))
+    torque = f"{twin.simulator.joint}/torque"
     assert_allclose(same[torque], simulated[0].columns[torque], rtol=0.0, atol=0.0)
     assert np.std(same[torque] - other[torque]) > 0.0
 
@@ -86,8 +85,8 @@ def test_the_size_of_an_effect_and_the_numbers_of_its_cause_belong_together(twin
     from dataclasses import replace
 
     rng = np.random.default_rng(4)
-    values = cause_values(effect_id, 0.37, twin.spec.joint, None, rng)
-    spec = replace(twin.spec, causes={effect_id: values})
+    values = cause_values(effect_id, 0.37, twin.simulator.spec.joint, None, rng)
+    spec = replace(twin.simulator.spec, causes={effect_id: values})
     assert_allclose(size_in(spec, effect_id), 0.37, rtol=1e-12)
 
 
@@ -97,8 +96,8 @@ def test_the_size_of_a_payload_on_a_pendulum_is_its_least_moment(twin):
 
     mass, arm, pendulum = 2.0, 0.3, (4.0, 0.5)
     own, gravity = pendulum[0] * pendulum[1] ** 2, pendulum[0] * 9.81 * pendulum[1]
-    joint = replace(twin.spec.joint, link_inertia=own, gravity=gravity)
-    spec = replace(twin.spec, joint=joint, pendulum=pendulum, causes={"payload": {"mass": mass, "arm": arm}})
+    joint = replace(twin.simulator.spec.joint, link_inertia=own, gravity=gravity)
+    spec = replace(twin.simulator.spec, joint=joint, pendulum=pendulum, causes={"payload": {"mass": mass, "arm": arm}})
     inertia = joint.rotor_inertia + own
     ratio = (inertia + mass * arm**2) / (gravity + mass * 9.81 * arm)
     assert_allclose(inertia / (gravity + size_in(spec, "payload")), ratio, rtol=1e-12)

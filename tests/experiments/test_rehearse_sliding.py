@@ -42,13 +42,13 @@ def twin(tmp_path_factory):
 
 
 def test_the_load_of_the_twin_is_a_mass_whose_weight_does_not_follow_the_position(twin):
-    joint = twin.spec.joint
+    joint = twin.simulator.spec.joint
     assert joint.gravity == 0.0
     assert joint.link_inertia == pytest.approx(MASS, rel=0.02)  # noise and filters change it by less
 
 
 def test_its_bristles_are_wound_up_before_a_diagnosis_takes_the_samples(twin):
-    assert twin.spec.joint.breakaway < 0.5 * LEAST_TRAVEL["prismatic"]
+    assert twin.simulator.spec.joint.breakaway < 0.5 * LEAST_TRAVEL["prismatic"]
 
 
 @pytest.mark.parametrize("effect_id", sorted(ONLY_REVOLUTE))

@@ -1,7 +1,6 @@
 """What a joint's rows contain, and why an effect cannot show in them, in a sentence that an engineer can act on."""
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -74,72 +73,67 @@ class MotionFacts:
         )
 
 
-HIDDEN_BY: Mapping[str, str] = {
-    "backlash": "load sign",
-    "load_dependent_friction": "load change",
-    "directional_efficiency": "load change",
-    "stribeck": "never slow",
-    "thermal_friction": "temperature",
-    "winding_temperature": "temperature",
-    "deadzone": "effort sign",
-    "presliding_hysteresis": "few reversals",
-    "rotor_inertia": "slow accelerations",
-    "torque_sensor_gain": "slow accelerations",
-    "payload": "slow accelerations",
-    "elasticity": "slow accelerations",
-    "delay": "slow accelerations",
-    "current_lag": "slow accelerations",
-    "cable_spring": "small travel",
-    "torque_ripple": "small travel",
-    "position_dependent_friction": "small travel",
-    "position_dependent_load": "small travel",
-    "encoder_eccentricity": "small travel",
-    "torque_sensor_drift": "short",
-    "servo_integrator": "short",
-    "saturation": "limit",
-}
-"""By effect id, the property of the motion that usually hides it."""
+INERTIAL = ("rotor_inertia", "torque_sensor_gain", "payload", "elasticity", "delay", "current_lag")
+"""Effects that show in accelerations."""
+TRAVELLING = (
+    *("cable_spring", "torque_ripple", "position_dependent_friction", "position_dependent_load"),
+    "encoder_eccentricity",
+)
+"""Effects that show over a long travel."""
 
 
 def by_motion(effect_id: str, f: MotionFacts) -> str:
     """A sentence where the motion explains why the effect does not show; empty where it does not."""
     torque, position, largest = f.units.torque, f.units.position, max(abs(f.load[0]), abs(f.load[1]), 1e-12)
-    reasons = {
-        "load sign": (
+    reasons = (
+        (
+            ("backlash",),
             not f.load_crosses,
             f"The load torque never changes its sign in motion: it stays between {f.load[0]:.3g} and "
             f"{f.load[1]:.3g} {torque}.",
         ),
-        "load change": (
+        (
+            ("load_dependent_friction", "directional_efficiency"),
             f.load_change <= 0.35,
             f"The magnitude of the load torque hardly changes: it varies by {100 * f.load_change:.0f} % about its "
             "mean.",
         ),
-        "never slow": (
+        (
+            ("stribeck",),
             f.slow <= 0.05,
             f"The joint is rarely slow: only {100 * f.slow:.0f} % of the samples are below a tenth of "
             f"{f.speed:.3g} {position}/s.",
         ),
-        "temperature": (f.rise < 5.0, f"The recorded temperature changes by only {f.rise:.2g} K."),
-        "effort sign": (
+        (
+            ("thermal_friction", "winding_temperature"),
+            f.rise < 5.0,
+            f"The recorded temperature changes by only {f.rise:.2g} K.",
+        ),
+        (
+            ("deadzone",),
             not f.effort_crosses,
             "The effort never changes its sign, so that it never crosses the dead zone.",
         ),
-        "few reversals": (f.reversals < 8, f"The motion reverses only {f.reversals} times."),
-        "slow accelerations": (
+        (("presliding_hysteresis",), f.reversals < 8, f"The motion reverses only {f.reversals} times."),
+        (
+            INERTIAL,
             f.inertial <= 0.15 * largest,
             f"The accelerations are low: inertia accounts for {f.inertial:.2g} {torque} of torques up to "
             f"{largest:.3g} {torque}.",
         ),
-        "small travel": (f.span <= f.units.large_travel, f"The joint moves over only {f.span:.2g} {position}."),
-        "short": (f.duration <= 60.0, f"The longest run lasts only {f.duration:.3g} s."),
-        "limit": (
+        (TRAVELLING, f.span <= f.units.large_travel, f"The joint moves over only {f.span:.2g} {position}."),
+        (
+            ("torque_sensor_drift", "servo_integrator"),
+            f.duration <= 60.0,
+            f"The longest run lasts only {f.duration:.3g} s.",
+        ),
+        (
+            ("saturation",),
             True,
             f"A limit shows only where the effort reaches it; the largest effort is {f.effort:.3g}.",
         ),
-    }
-    hidden, text = reasons.get(HIDDEN_BY.get(effect_id, ""), (False, ""))
-    return text if hidden else ""
+    )
+    return next((text for ids, hides, text in reasons if hides and effect_id in ids), "")
 
 
 def why_hidden(effect: Effect, odds: EffectOdds, facts: MotionFacts, smallest: float, kept: float) -> str:

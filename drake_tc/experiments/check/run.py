@@ -67,21 +67,16 @@ class JointCheck:
     """One joint.
 
     Attributes:
-        joint: Its name.
         drive: Kind of drive.
         effects: What its logs show of each effect; None where the declared model cannot be fitted.
         findings: Whether the columns can belong together.
         refusal: Why the declared model cannot be fitted; empty where it can.
-        rows: Samples in motion that take part. seconds: their length [s].
     """
 
-    joint: str
     drive: str
     effects: JointEffects | None
-    findings: tuple[Finding, ...]
-    refusal: str
-    rows: int
-    seconds: float
+    findings: tuple[Finding, ...] = ()
+    refusal: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,11 +157,10 @@ def _check_joint(runs: Sequence[Run], rig: Rig, joint: str, *, links_fitted: boo
     try:
         prepared = prepare_joint(runs, [], rig, joint)
     except IdentificationError as error:
-        return JointCheck(joint, rig.drive[joint], None, (), str(error), 0, 0.0)
+        return JointCheck(rig.drive[joint], None, refusal=str(error))
     effects = joint_effects(prepared, links_fitted=links_fitted)
-    fitted, rows = effects.fitted, int(prepared.train.samples.rows.size)
-    found = findings(fitted, late_columns(fitted, runs, joint))
-    return JointCheck(joint, rig.drive[joint], effects, found, "", rows, fitted.seconds)
+    found = findings(effects.fitted, late_columns(effects.fitted, runs, joint))
+    return JointCheck(rig.drive[joint], effects, found)
 
 
 def _run_facts(run: Run) -> RunFacts:
@@ -249,7 +243,7 @@ def _joint(name: str, joint: JointCheck) -> list[PageSection]:
     reasons = by_reason(joint.effects.effects).items()
     rows = [(", ".join(labels[key] for key in keys), f"{capital(reason)}.") for reason, keys in reasons]
     never = [PageTable(("cannot be looked for", "why"), rows)] if rows else []
-    aside = f"{joint.drive}, {significant(joint.seconds)} s in motion"
+    aside = f"{joint.drive}, {significant(joint.effects.fitted.seconds)} s in motion"
     return [
         PageSection(f"{name}: columns", good, doubtful, aside=aside),
         PageSection(f"{name}: effects", (explain,), tables=(table, *never)),
@@ -293,8 +287,8 @@ def _joint_json(joint: JointCheck) -> dict[str, Any]:
         noise["independent_samples"] = noise.pop("independent")
     return {
         "drive": joint.drive,
-        "rows": joint.rows,
-        "seconds_in_motion": joint.seconds,
+        "rows": 0 if found is None else found.fitted.prepared.train.samples.rows.size,
+        "seconds_in_motion": 0.0 if found is None else found.fitted.seconds,
         "refusal": joint.refusal or None,
         "findings": [asdict(each) for each in joint.findings],
         "declared": None if found is None else asdict(found.fitted.numbers),

@@ -120,7 +120,7 @@ class MotionSearch:
         Args:
             rng: Of the random motions.
             known: Motions (n,) that are candidates under every load.
-            starts: Candidates of a single motion, or plans, from which the search begins; 0 leaves the best as it is.
+            starts: Candidates of a single motion, or plans, from which the search begins; at least 1.
             trials: Motions that are tried in all: half of them from each start, the others from the best.
             progress: Told how far it is.
 
@@ -129,19 +129,17 @@ class MotionSearch:
         """
         tight = self.limits.with_margin(MARGIN)
         tried = [candidates(joint, self.basis, tight, rng, known) for joint in self.joints]
-        plans = self._first(tried, progress)[: max(starts, 1)]
-        found, short = list(plans), trials // (2 * len(plans)) if starts > 1 else 0
-        if starts:
-            begun = []
-            for number, plan in enumerate(plans):
-                progress(f"start {number + 1} of {len(plans)}", 0.3 + 0.35 * number / len(plans))
-                begun.append(self._refined(plan, tight, rng, short))
-            progress("the best start", 0.65)
-            most = max(begun, key=lambda plan: plan.value)
-            found.append(self._split(self._refined(most, tight, rng, trials - short * len(plans))))
+        plans = self._first(tried, progress)[:starts]
+        begun, short = [], trials // (2 * len(plans)) if starts > 1 else 0
+        for number, plan in enumerate(plans):
+            progress(f"start {number + 1} of {len(plans)}", 0.3 + 0.35 * number / len(plans))
+            begun.append(self._refined(plan, tight, rng, short))
+        progress("the best start", 0.65)
+        most = max(begun, key=lambda plan: plan.value)
+        found = [*plans, self._split(self._refined(most, tight, rng, trials - short * len(plans)))]
         values = [self._simulated(plan) for plan in found]
         best = int(np.argmax(values))
-        return replace(found[best], value=values[best], start_value=values[0], starts=len(plans) if starts else 0)
+        return replace(found[best], value=values[best], start_value=values[0], starts=len(plans))
 
     def _first(self, tried: Sequence[Sequence[FloatArray]], progress: Progress) -> list[MotionPlan]:
         """Plans of candidates, the best first; under several loads these are exchanged load by load."""

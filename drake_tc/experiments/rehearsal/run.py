@@ -13,7 +13,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-from scipy.stats import binomtest
+from scipy.stats import beta as beta_distribution
 from threadpoolctl import threadpool_limits
 
 from drake_tc.config.quoted import json_value
@@ -163,7 +163,7 @@ def rehearse(
     trials.sort(key=lambda t: (t.size, t.seed))
     points = tuple(_point([t for t in trials if t.size == each]) for each in sorted({t.size for t in trials}))
     predicted = min((each.smallest for each in forms), default=float("inf"))
-    return Rehearsal(twin.joint, member.id, told, predicted, points, tuple(trials))
+    return Rehearsal(twin.simulator.joint, member.id, told, predicted, points, tuple(trials))
 
 
 def _forms(twin: Twin, effect_id: str) -> list[Visibility]:
@@ -172,16 +172,16 @@ def _forms(twin: Twin, effect_id: str) -> list[Visibility]:
     Raises:
         ParamsError: The effect cannot act on this joint, or cannot be looked for.
     """
-    forms = [each for each in twin.effects.effects if each.id == effect_id]
+    joint, forms = twin.simulator.joint, [each for each in twin.effects.effects if each.id == effect_id]
     if forms and all(each.obstacle for each in forms):
-        raise ParamsError(f"joint {twin.joint}: {effect_id}: {forms[0].reason} A rehearsal would never find it")
-    if twin.rig.units_of(twin.joint).slides and effect_id in ONLY_REVOLUTE:
+        raise ParamsError(f"joint {joint}: {effect_id}: {forms[0].reason} A rehearsal would never find it")
+    if twin.rig.units_of(joint).slides and effect_id in ONLY_REVOLUTE:
         raise ParamsError(
-            f"joint {twin.joint}: {effect_id}: the simulator has this effect for revolute joints only, and the "
+            f"joint {joint}: {effect_id}: the simulator has this effect for revolute joints only, and the "
             f"joint is prismatic; the same holds for {', '.join(sorted(ONLY_REVOLUTE - {effect_id}))}"
         )
-    if effect_id in twin.rig.declared[twin.joint]:
-        raise ParamsError(f"joint {twin.joint}: {effect_id} is declared in the rig file, and is part of every model")
+    if effect_id in twin.rig.declared[joint]:
+        raise ParamsError(f"joint {joint}: {effect_id} is declared in the rig file, and is part of every model")
     return forms
 
 
@@ -194,18 +194,18 @@ def _each(work: Sequence[tuple[Twin, str, float, int, tuple[str, ...]]], executo
 
 def trial_of(twin: Twin, effect_id: str, size: float, seed: int, held: tuple[str, ...]) -> Trial:
     """Simulate and diagnose one joint."""
-    causes: dict[str, Mapping[str, float]] = {}
+    spec, causes = twin.simulator.spec, dict[str, Mapping[str, float]]()
     if size > 0.0:
         rng = np.random.default_rng([seed, 9])
-        causes[cause_of(effect_id)] = cause_values(effect_id, size, twin.spec.joint, twin.spec.pendulum, rng)
+        causes[cause_of(effect_id)] = cause_values(effect_id, size, spec.joint, spec.pendulum, rng)
     try:
-        runs = twin.simulated(causes, seed)
+        runs = twin.simulator.simulated(causes, seed, twin.runs)
     except DrakeTcError:
         return Trial(size, seed, (RAN_AWAY,), found=False, alone=False, verdict="")
     train, held_out = ([run for run in runs if (run.name in held) == out] for out in (False, True))
     try:
         with threadpool_limits(1):
-            report = diagnose_joint(train, held_out, twin.rig, twin.joint, DiagnosisOptions())
+            report = diagnose_joint(train, held_out, twin.rig, twin.simulator.joint, DiagnosisOptions())
     except IdentificationError:
         return Trial(size, seed, (REFUSED,), found=False, alone=False, verdict="")
     named = tuple(dict.fromkeys(e.id for e in report.effects))
@@ -229,8 +229,9 @@ def _point(trials: Sequence[Trial]) -> PowerPoint:
 
 def share_interval(found: int, trials: int) -> tuple[float, float]:
     """95 % interval of a share (Clopper and Pearson, Biometrika 26, 1934)."""
-    interval = binomtest(found, trials).proportion_ci()
-    return float(interval.low), float(interval.high)
+    low = 0.0 if found == 0 else float(beta_distribution.ppf(0.025, found, trials - found + 1))
+    high = 1.0 if found == trials else float(beta_distribution.ppf(0.975, found + 1, trials - found))
+    return low, high
 
 
 def half_power(points: Sequence[PowerPoint]) -> float:

@@ -177,20 +177,6 @@ class Twin:
     effects: JointEffects
     prepared: Prepared = field(repr=False)
 
-    @property
-    def joint(self) -> str:
-        """Its name."""
-        return self.simulator.joint
-
-    @property
-    def spec(self) -> RigSpec:
-        """The simulated joint without any cause."""
-        return self.simulator.spec
-
-    def simulated(self, causes: Mapping[str, Mapping[str, float]], seed: int) -> list[Run]:
-        """Its own runs with causes: see `SimulatedJoint.simulated`."""
-        return self.simulator.simulated(causes, seed, self.runs)
-
 
 def twin_of(rig: Rig, runs: Sequence[Run], joint: str) -> Twin:
     """The twin of a joint from its logs.
