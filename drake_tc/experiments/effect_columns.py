@@ -60,12 +60,15 @@ class Variant:
         """Degrees of freedom."""
         return self.places.size + (1 if self.by_shape else self.slopes.size)
 
+    def nearest(self, size: float) -> int:
+        """Number of the nearest one of the sizes that are shapes."""
+        return int(np.argmin(np.abs(np.log(self.sizes / size))))
+
     def at(self, size: float) -> tuple[IntArray, FloatArray]:
         """(places (m,), weights (m,)) whose sum is what the effect does at a size."""
         if not self.by_shape:
             return self.places, size * self.unit
-        weights = np.zeros(self.sizes.size)
-        near = int(np.argmin(np.abs(np.log(self.sizes / size))))
+        weights, near = np.zeros(self.sizes.size), self.nearest(size)
         falling = self.sizes[0] > self.sizes[-1]
         weights[near] = 1.0 if falling else size / self.sizes[near]
         return self.changes, weights
@@ -108,13 +111,10 @@ class EffectColumns:
         none: FloatArray = np.zeros(0)
         out = []
         for way in ways:
-            own = self._added(self._slopes(term, gain * way))
+            slopes = shape_slopes(model.train, [term], np.concatenate([[gain], gain * way]))
+            own = self._added(slopes)
             out.append(Variant(term, block, places, gain * way, own, widths, none, np.zeros(0, dtype=np.int64)))
         return out
-
-    def _slopes(self, term: Term, b: FloatArray) -> FloatArray:
-        """(N, j) change of the effort with each shape, at coefficients b."""
-        return shape_slopes(self._model.train, [term], np.concatenate([[self._fitted.gain], b]))
 
     def _by_shape(self, effect: Effect, size: Size) -> Variant:
         split, model = self._model.train, self._model

@@ -21,6 +21,7 @@ from functools import cached_property
 
 import numpy as np
 
+from drake_tc.diagnosis.data.samples import rms
 from drake_tc.diagnosis.evidence import Evidence
 from drake_tc.diagnosis.linear import Posterior, Products, mode
 from drake_tc.diagnosis.noise import NoiseModel
@@ -67,9 +68,8 @@ class Remainders:
 
     @cached_property
     def left(self) -> FloatArray:
-        """(P, P) products of what the model does not imitate of the columns, over the number of rows."""
-        left = self._columns - self._design @ self.imitated
-        return np.asarray(left.T @ left / len(left))
+        """(n, P) what the model does not imitate of the columns."""
+        return np.asarray(self._columns - self._design @ self.imitated)
 
     def information(self, places: IntArray, weights: FloatArray) -> float:
         """F of a sum of columns with weights (m,); 0 where rounding is all that is left."""
@@ -94,20 +94,21 @@ class EffectOdds:
         self._out: dict[str, frozenset[str]] = {}
         self._occam: dict[int, tuple[float, list[float]]] = {}
 
-    def beside(self, effect: Effect, *, plain: bool = False) -> Remainders:
-        """Remainders beside what is set beside this effect; `plain`: of the rows as they are, not whitened."""
-        return self._without(self.out(effect), plain=plain)
+    def beside(self, effect: Effect) -> Remainders:
+        """Remainders beside what is set beside this effect."""
+        return self._without(self.out(effect), plain=False)
 
     def out(self, effect: Effect) -> frozenset[str]:
         """Ids of found effects that are compared with an effect, not set beside it: itself, and what imitates it."""
         if effect.id not in self._out:
             own, rest = frozenset({effect.id}) & self._found, self._found - {effect.id}
-            imitated = rest and self._kept(effect, own) < IMITATED
-            out = [found for found in rest if imitated and self._kept(effect, own | {found}) >= IMITATED]
+            imitated = rest and self.kept(effect, own) < IMITATED
+            out = [found for found in rest if imitated and self.kept(effect, own | {found}) >= IMITATED]
             self._out[effect.id] = own.union(out)
         return self._out[effect.id]
 
     def _without(self, out: frozenset[str], *, plain: bool) -> Remainders:
+        """Remainders beside the set without effects that were found; `plain`: of the rows as they are, not whitened."""
         if (out, plain) not in self._known:
             terms = self._terms(out)
             evidence, rows = self.fitted.evidence, self.model.train.rows
@@ -121,20 +122,17 @@ class EffectOdds:
         """The most probable set without effects that were found."""
         return [t for t in self.fitted.best.terms if self.model.is_declared(t.effect) or t.effect.id not in out]
 
-    def kept(self, effect: Effect) -> float:
-        """Share of the contribution of an effect (RMS) that what is set beside it does not imitate."""
-        return self._kept(effect, self.out(effect))
-
-    def _kept(self, effect: Effect, out: frozenset[str]) -> float:
+    def kept(self, effect: Effect, out: frozenset[str] | None = None) -> float:
+        """Share of the contribution of an effect (RMS) that what is set beside it does not imitate; `out` as `left`."""
         variant = self.middle(effect)
         strongest = float(variant.sizes[-1]) if variant.by_shape else 1.0
-        return self._left(variant, strongest, out) / max(self.whole(variant, strongest), 1e-300)
+        return self.left(variant, strongest, out) / max(self._whole(variant, strongest), 1e-300)
 
     def occam(self, variant: Variant, size: float) -> float:
         """O of a variant at a size."""
         own, shapes = self._parts(variant)
         if variant.by_shape:
-            return own + 0.5 * math.log1p(shapes[int(np.argmin(np.abs(np.log(variant.sizes / size))))])
+            return own + 0.5 * math.log1p(shapes[variant.nearest(size)])
         return own + 0.5 * sum(math.log1p(size**2 * each) for each in shapes)
 
     def _parts(self, variant: Variant) -> tuple[float, list[float]]:
@@ -149,10 +147,6 @@ class EffectOdds:
             own = 0.5 * float(np.linalg.slogdet(np.eye(d.size) + scaled)[1]) - sign - prior
             self._occam[key] = own, (variant.widths**2 * left[variant.slopes, variant.slopes]).tolist()
         return self._occam[key]
-
-    def expected(self, variant: Variant, size: float) -> float:
-        """Expected log odds of the effect at a size beside the set without it, noise left out."""
-        return 0.5 * self.information(variant, size) - self.occam(variant, size)
 
     def found_from(self, key: str) -> tuple[float, float]:
         """(size that is found in 95 % of such logs at most shapes, size that is found in 5 % at the best shape).
@@ -200,31 +194,28 @@ class EffectOdds:
         """RMS contribution below which nothing is named [effort]."""
         return NAMED_FLOORS * self.fitted.floor
 
-    def left(self, variant: Variant, size: float) -> float:
-        """RMS of what the set without the effect does not take over of its contribution [effort]."""
-        return self._left(variant, size, self.out(variant.term.effect))
+    def left(self, variant: Variant, size: float, out: frozenset[str] | None = None) -> float:
+        """RMS of what the set without the effect does not take over of its contribution [effort].
 
-    def _left(self, variant: Variant, size: float, out: frozenset[str]) -> float:
+        Args:
+            variant: The effect.
+            size: Of it.
+            out: Effects that were found and are left out of the set; None takes those of `out`.
+        """
         places, weights = variant.at(size)
-        own = self._without(out, plain=True).left[places[:, None], places]
-        left = math.sqrt(max(float(weights @ own @ weights), 0.0))
-        return left if left > NUMERICAL * self.whole(variant, size) else 0.0
+        remainders = self._without(self.out(variant.term.effect) if out is None else out, plain=True)
+        left = rms(remainders.left[:, places] @ weights)
+        return left if left > NUMERICAL * self._whole(variant, size) else 0.0
 
-    def whole(self, variant: Variant, size: float) -> float:
+    def _whole(self, variant: Variant, size: float) -> float:
         """RMS of the contribution itself [effort]."""
         places, weights = variant.at(size)
-        products = self._products[places[:, None], places]
-        return math.sqrt(max(float(weights @ products @ weights), 0.0))
-
-    @cached_property
-    def _products(self) -> FloatArray:
-        """(P, P) products of the columns over the number of rows."""
-        return np.asarray(self._columns.T @ self._columns / len(self._columns))
+        return rms(self._columns[:, places] @ weights)
 
     def imitators(self, variant: Variant, size: float) -> list[str]:
         """Names of what in the model imitates the contribution most, the most important first."""
         places, weights = variant.at(size)
-        imitated = self.beside(variant.term.effect, plain=True).imitated[:, places] @ weights
+        imitated = self._without(self.out(variant.term.effect), plain=True).imitated[:, places] @ weights
         names, scales = self._named(variant.term.effect)
         sizes = np.abs(imitated[: len(names)]) * scales
         order = [int(i) for i in np.argsort(-sizes) if sizes[i] > 0.2 * max(float(sizes.max()), 1e-300)]

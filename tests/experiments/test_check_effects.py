@@ -23,6 +23,7 @@ from drake_tc.experiments import log_odds
 from drake_tc.experiments.check.consistency import findings
 from drake_tc.experiments.check.effects import SEPARABLE_WITHIN, Visibility, joint_effects
 from drake_tc.experiments.check.reasons import why_hidden
+from drake_tc.experiments.effect_columns import Variant
 from drake_tc.experiments.log_odds import EffectOdds
 from drake_tc.experiments.sizes import Size
 from drake_tc.logs.prepare import load_runs
@@ -35,6 +36,11 @@ from tests.diagnosis.rigs import Joint, Motion, record, rig_of
 @pytest.fixture(scope="session")
 def odds(checked) -> EffectOdds:
     return EffectOdds(checked.fitted, checked.fitted.usable)
+
+
+def expected_odds(odds: EffectOdds, variant: Variant, size: float) -> float:
+    """Of the effect beside the set without it, noise left out."""
+    return 0.5 * odds.information(variant, size) - odds.occam(variant, size)
 
 
 @pytest.mark.parametrize("key", ["quadratic_viscous", "load_dependent_friction", "torque_sensor_drift"])
@@ -65,7 +71,7 @@ def test_the_expected_log_odds_are_those_that_a_diagnosis_computes(odds, key):
         evidence._whitened[key_of_target] = (held + white)[:, None]
         scores.append(evidence.score(terms, variance).log_odds)
         evidence._whitened[key_of_target] = kept
-    expected, spread = odds.expected(variant, size), math.sqrt(2.0 * odds.expected(variant, size))
+    expected, spread = expected_odds(odds, variant, size), math.sqrt(2.0 * expected_odds(odds, variant, size))
     assert abs(scores[0] - scores[1] - expected) < 3.0 * spread
 
 
@@ -74,7 +80,7 @@ def test_what_is_found_for_certain_has_clear_expected_odds(odds):
         smallest, easiest = odds.found_from(key)
         if len(variants) == 1 and not variants[0].by_shape and math.isfinite(smallest):
             assert easiest < smallest
-            assert odds.expected(variants[0], smallest) > ALTERNATIVE
+            assert expected_odds(odds, variants[0], smallest) > ALTERNATIVE
 
 
 def test_the_stated_sizes_are_found_in_95_and_in_5_percent_of_such_logs(odds, monkeypatch):
@@ -86,7 +92,7 @@ def test_the_stated_sizes_are_found_in_95_and_in_5_percent_of_such_logs(odds, mo
     for key, variant in plain.items():
         for size, share in zip(odds.found_from(key), (0.95, 0.05), strict=True):
             occam = odds.occam(variant, size)
-            strength = 2.0 * (odds.expected(variant, size) + occam)
+            strength = odds.information(variant, size)
             found = ncx2.sf(2.0 * (ALTERNATIVE + occam), 1, strength)
             assert found == pytest.approx(share, abs=2e-3), key  # of two signs, the other is that improbable
 

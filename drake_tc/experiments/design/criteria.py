@@ -231,8 +231,8 @@ def _deviation(odds: EffectOdds, form: EffectForm) -> float:
     variant = odds.middle(form.effect)
     remainders = odds.beside(form.effect)
     if variant.by_shape:
-        near = int(np.argmin(np.abs(np.log(variant.sizes / form.strength))))
-        information = float(remainders.gram[variant.slopes[near], variant.slopes[near]])
+        near = variant.slopes[variant.nearest(form.strength)]
+        information = float(remainders.gram[near, near])
     else:
         inverse = float(np.linalg.pinv(remainders.gram[np.ix_(variant.places, variant.places)])[0, 0])
         information = float(variant.unit[0]) ** 2 / inverse if inverse > 0.0 else 0.0
