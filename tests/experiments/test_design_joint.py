@@ -19,7 +19,7 @@ from drake_tc.experiments.design.goal import criterion_of, parse_goal
 from drake_tc.experiments.design.identity import identity
 from drake_tc.experiments.design.joint import DesignJoint
 from drake_tc.experiments.design.lead import default_motion, lead_in, quintic
-from drake_tc.experiments.design.motions import JointLimits, motion_basis, scaled
+from drake_tc.experiments.design.motions import JointLimits, motion_basis
 from drake_tc.experiments.design.next_log import PlannedRun, rough_log
 from drake_tc.experiments.design.request import DesignRequest, designed
 from drake_tc.experiments.design.run import DesignOptions, design_joint
@@ -62,7 +62,7 @@ def form(joint, key):
 
 @pytest.mark.parametrize("kind", ["fourier", "bspline"])
 def test_the_derivatives_of_a_basis_are_those_of_its_position(kind):
-    basis = scaled(motion_basis(kind, 5.0, 2e-4, 2.0), LIMITS)
+    basis = motion_basis(kind, 5.0, 2e-4, replace(LIMITS, bandwidth_hz=2.0))
     motion = basis.motion(np.random.default_rng(0).normal(size=basis.size))
     closed = np.concatenate([motion, motion[:, :1]], axis=1)
     for order in range(3):
@@ -73,7 +73,7 @@ def test_the_derivatives_of_a_basis_are_those_of_its_position(kind):
 
 
 def test_the_effort_of_a_motion_is_that_of_the_torque_balance(joint):
-    basis = scaled(motion_basis("fourier", 5.0, 5e-3, 2.0), LIMITS)
+    basis = motion_basis("fourier", 5.0, 5e-3, replace(LIMITS, bandwidth_hz=2.0))
     q, v, a, _ = motion = basis.motion(random_start(joint, basis, LIMITS, np.random.default_rng(1)))
     signals = joint.signals(motion, 5e-3)
     n = joint.numbers
@@ -85,7 +85,7 @@ def test_the_effort_of_a_motion_is_that_of_the_torque_balance(joint):
 
 def logged(joint, seed):
     """The mean log of a random motion of 10 s."""
-    basis = scaled(motion_basis("fourier", 5.0, 5e-3, 2.0), LIMITS)
+    basis = motion_basis("fourier", 5.0, 5e-3, replace(LIMITS, bandwidth_hz=2.0))
     motion = basis.motion(random_start(joint, basis, LIMITS, np.random.default_rng(seed)))
     return rough_log([PlannedRun("run", joint, motion, basis.step)], 2)
 

@@ -12,7 +12,7 @@ from drake_tc.effects.library import effect
 from drake_tc.effects.presliding_hysteresis import PreslidingHysteresis
 from drake_tc.experiments.design.criteria import Criterion, Worth
 from drake_tc.experiments.design.joint import DesignJoint
-from drake_tc.experiments.design.motions import JointLimits, motion_basis, scaled
+from drake_tc.experiments.design.motions import JointLimits, motion_basis
 from drake_tc.experiments.design.search import MotionSearch
 
 LIMITS = JointLimits((-0.8, 0.8), 2.0, 9.0)
@@ -39,7 +39,7 @@ class Hill(Criterion):
 
 def test_a_search_climbs_within_the_limits_and_never_loses(joint):
     """Of all motions within +-q the one that waits at both ends has the largest mean square, q^2."""
-    basis = scaled(motion_basis("fourier", 10.0, 0.02, 1.0), LIMITS)
+    basis = motion_basis("fourier", 10.0, 0.02, replace(LIMITS, bandwidth_hz=1.0))
     search = MotionSearch((joint,), basis, LIMITS, Hill(), 1)
     first, found = (search.best(np.random.default_rng(0), starts=1, trials=trials) for trials in (0, 200))
     assert first.value == first.start_value == found.start_value < found.value <= 1.0

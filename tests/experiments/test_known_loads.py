@@ -16,7 +16,7 @@ from drake_tc.experiments.design.identity import identity
 from drake_tc.experiments.design.joint import DesignJoint
 from drake_tc.experiments.design.load_design import LoadDesign, design_with_loads
 from drake_tc.experiments.design.loads import KnownLoad, carrying, declaring, parse_loads
-from drake_tc.experiments.design.motions import JointLimits, motion_basis, scaled
+from drake_tc.experiments.design.motions import JointLimits, motion_basis
 from drake_tc.experiments.design.next_log import PlannedRun, rough_log
 from drake_tc.experiments.design.run import DesignOptions, JointDesign, design_joint
 from drake_tc.experiments.design.search import MotionSearch, slow_passes, splits
@@ -89,7 +89,7 @@ def test_two_loads_tell_load_dependent_friction_in_closed_form(counts):
 
 def test_the_best_split_for_two_parameters_under_two_loads_is_the_even_one():
     """det M = (n/s^2)^2 w_1 w_2 (L_1 - L_2)^2 is largest at w_1 = w_2."""
-    joints, basis = sliding_mass(), scaled(motion_basis("fourier", 40.0, STEP, 0.5), LIMITS)
+    joints, basis = sliding_mass(), motion_basis("fourier", 40.0, STEP, replace(LIMITS, bandwidth_hz=0.5))
     criterion = Parameters(joints[0], (form_of(joints[0], "load_dependent_friction"),))
     search = MotionSearch(joints, basis, LIMITS, criterion, 4)
     (x,) = (np.linalg.lstsq(basis.matrices[0], slow_sine(40.0)[0], rcond=None)[0],)
@@ -115,7 +115,7 @@ def test_an_added_mass_changes_inertia_and_gravity_of_a_joint_that_turns():
 
 def test_slow_passes_cover_the_range_at_nearly_constant_speed_in_both_directions():
     joint = joint_of()
-    basis = scaled(motion_basis("fourier", 10.0, STEP, 4.0), LIMITS)
+    basis = motion_basis("fourier", 10.0, STEP, replace(LIMITS, bandwidth_hz=4.0))
     motion = basis.motion(slow_passes(joint, basis, LIMITS)[0])
     assert np.ptp(motion[0]) > 0.9 * 1.6
     middle = np.abs(motion[0] - 0.1) < 0.5

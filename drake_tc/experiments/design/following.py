@@ -17,7 +17,7 @@ import numpy as np
 
 from drake_tc.errors import ParamsError
 from drake_tc.experiments.design.joint import DesignJoint
-from drake_tc.experiments.design.motions import JointLimits, motion_basis, scaled
+from drake_tc.experiments.design.motions import JointLimits, motion_basis
 from drake_tc.experiments.design.search import MotionSearch, random_start, single_waves
 from drake_tc.types import FloatArray
 
@@ -126,9 +126,7 @@ def _scales(
         kept: Numbers of the motions; None for all.
     """
     rng, old, (joint,) = np.random.default_rng(seed), search.basis, search.joints
-    basis = scaled(
-        motion_basis(old.kind, old.period, min(old.step, 0.02 / limits.bandwidth_hz), limits.bandwidth_hz), limits
-    )
+    basis = motion_basis(old.kind, old.period, min(old.step, 0.02 / limits.bandwidth_hz), limits)
     wide = replace(search, basis=basis, limits=limits)
     try:
         motions = [random_start(joint, basis, limits, rng) for _ in range(TRIES)]

@@ -79,6 +79,10 @@ class DesignJoint:
         grid = np.linspace(low, high, 181)
         return float(np.max(np.abs(self.load(grid, np.zeros_like(grid)))))
 
+    def least_torque(self, low: float, high: float) -> float:
+        """Torque of the motor that holds the load anywhere between two positions and overcomes friction [N m]."""
+        return self.largest_load(low, high) + self.numbers.coulomb
+
     def motor_torque(self, motion: FloatArray, step: float) -> FloatArray:
         """Torque of the motor (T,) [N m] that must keep its limit,  y/K - D qdot, with D the `servo_damping`."""
         return np.asarray(self.signals(motion, step).effort / self.numbers.gain - self.servo_damping * motion[1])

@@ -95,7 +95,7 @@ def design_with_loads(
     """
     wide, _, by_default = with_sinusoid(joint, limits, options)
     require_usable(wide, loads, limits)
-    limits.require(wide.largest_load(*limits.position), wide.numbers.coulomb, wide.name)
+    limits.require(wide)
     joints = tuple(carrying(wide, load) for load in loads)
     criterion = criterion_of(goal, joints[0], smallest=options.criterion == "E", under=joints)
     unloaded, refusal = None, ""

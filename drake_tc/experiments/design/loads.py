@@ -117,7 +117,7 @@ def require_usable(joint: DesignJoint, loads: Sequence[KnownLoad], limits: Joint
                 f"--load {load.text}: joint {joint.name}: the rig file has one zero for all logs, where its pendulum "
                 f"hangs: {joint.zero:.3g} rad; expected a mass that hangs there too"
             )
-        needed = carrying(joint, load).largest_load(*limits.position) + joint.numbers.coulomb
+        needed = carrying(joint, load).least_torque(*limits.position)
         if needed > limits.with_margin(MARGIN).torque:
             unit, at = units.text("N m"), units.position
             raise ParamsError(

@@ -11,7 +11,7 @@ are linear constraints.
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -19,6 +19,7 @@ from scipy.interpolate import BSpline
 
 from drake_tc.config.joint_units import TORQUE, TURNING, JointUnits
 from drake_tc.errors import ParamsError
+from drake_tc.experiments.design.joint import DesignJoint
 from drake_tc.types import FloatArray
 
 
@@ -73,40 +74,31 @@ class JointLimits:
             rooms += [(high - middle, float(highest[order])), (middle - low, -float(lowest[order]))]
         return min([1.0, *(room / size for room, size in rooms if size > 0.0)])
 
-    def require(self, gravity: float, friction: float, joint: str) -> None:
-        """Refuse a torque limit that cannot even move the joint slowly.
-
-        Args:
-            gravity: Largest torque of the load at rest inside the position limits [N m].
-            friction: Of the joint at low speed [N m].
-            joint: For the message.
+    def require(self, joint: DesignJoint) -> None:
+        """Refuse a torque limit that cannot even hold the load and move the joint slowly.
 
         Raises:
             ParamsError: The limits contradict each other.
         """
-        needed, at, unit = gravity + friction, self.units.position, self.units.text(TORQUE)
+        needed, at, unit = joint.least_torque(*self.position), self.units.position, self.units.text(TORQUE)
         if self.torque < needed:
             raise ParamsError(
-                f"joint {joint}: the limits contradict each other: holding the load within {self.position[0]:.3g} to "
-                f"{self.position[1]:.3g} {at} and overcoming friction needs {needed:.3g} {unit}, and the torque limit "
-                f"is {self.torque:.3g} {unit}; raise the torque limit or narrow the position limits"
+                f"joint {joint.name}: the limits contradict each other: holding the load within "
+                f"{self.position[0]:.3g} to {self.position[1]:.3g} {at} and overcoming friction needs {needed:.3g} "
+                f"{unit}, and the torque limit is {self.torque:.3g} {unit}; raise the torque limit or narrow the position limits"
             )
 
-    def require_resolved(self, slowest: float, joint: str) -> None:
+    def require_resolved(self, joint: DesignJoint) -> None:
         """Refuse a velocity limit at which no sample would take part in a diagnosis.
 
-        Args:
-            slowest: Speed that the encoder resolves [rad/s].
-            joint: For the message.
-
         Raises:
-            ParamsError: The limit is not above this speed.
+            ParamsError: The limit is not above the speed that the encoder resolves.
         """
         unit = f"{self.units.position}/s"
-        if self.velocity <= slowest:
+        if self.velocity <= joint.slowest:
             raise ParamsError(
-                f"joint {joint}: a velocity limit of {self.velocity:.3g} {unit} is too small: a diagnosis leaves out "
-                f"speeds below {slowest:.3g} {unit}, which the encoder does not resolve"
+                f"joint {joint.name}: a velocity limit of {self.velocity:.3g} {unit} is too small: a diagnosis leaves "
+                f"out speeds below {joint.slowest:.3g} {unit}, which the encoder does not resolve"
             )
 
     def with_margin(self, share: float) -> "JointLimits":
@@ -133,7 +125,7 @@ class MotionBasis:
         step: Time between samples [s].
         matrices: (4, T, n) by order of the derivative.
         frequency_hz: (n,) typical frequency of each function [Hz]; 0 for the constant.
-        scale: (n,) amplitude [rad] of each function, 1 until `scaled`.
+        scale: (n,) amplitude [rad] of each function: parameters are of the order of 1.
     """
 
     kind: BasisKind
@@ -164,45 +156,42 @@ def whole_step(period: float, step: float) -> float:
     return period / max(1, round(period / step))
 
 
-def scaled(basis: MotionBasis, limits: JointLimits) -> MotionBasis:
-    """The same functions, each with the largest amplitude that it may have alone: parameters of the order of 1."""
-    omega = 2.0 * np.pi * np.maximum(basis.frequency_hz, 1e-9)
-    half = 0.5 * (limits.position[1] - limits.position[0])
-    sizes = np.minimum(half, np.minimum(limits.velocity / omega, limits.acceleration / omega**2))
-    return replace(basis, matrices=basis.matrices * sizes, scale=basis.scale * sizes)
-
-
 def motion_basis(
-    kind: BasisKind, period: float, step: float, bandwidth_hz: float, most: int = MOST_FREQUENCIES
+    kind: BasisKind, period: float, step: float, limits: JointLimits, most: int = MOST_FREQUENCIES
 ) -> MotionBasis:
-    """The functions of one period.
+    """The functions of one period, each with the largest amplitude that it may have alone.
 
     Args:
         kind: Of the functions.
         period: P [s].
         step: Time between samples [s]; P is rounded to a whole number of them.
-        bandwidth_hz: Highest frequency [Hz].
+        limits: Of the motion; no frequency is above their bandwidth.
         most: Frequencies at most.
 
     Raises:
         ParamsError: A period too short for two frequencies below the bandwidth.
     """
-    count = round(period / step)
-    time: FloatArray = np.asarray(np.arange(count) * step, dtype=np.float64)
-    highest = int(np.floor(bandwidth_hz * period + 1e-9))
+    time: FloatArray = np.asarray(np.arange(round(period / step)) * step, dtype=np.float64)
+    highest = int(np.floor(limits.bandwidth_hz * period + 1e-9))
     if highest < 2:
         raise ParamsError(
-            f"a motion of {period:g} s has fewer than two frequencies below the drive's bandwidth of {bandwidth_hz:g} "
-            "Hz; lengthen --duration or raise --bandwidth"
+            f"a motion of {period:g} s has fewer than two frequencies below the drive's bandwidth of "
+            f"{limits.bandwidth_hz:g} Hz; lengthen --duration or raise --bandwidth"
         )
     if kind == "fourier":
-        return _fourier(time, period, step, highest, most)
-    return _bspline(time, period, step, bandwidth_hz)
+        matrices, frequency = _fourier(time, period, highest, most)
+    else:
+        matrices, frequency = _bspline(time, period, limits.bandwidth_hz)
+    omega = 2.0 * np.pi * np.maximum(frequency, 1e-9)
+    half = 0.5 * (limits.position[1] - limits.position[0])
+    scale = np.minimum(half, np.minimum(limits.velocity / omega, limits.acceleration / omega**2))
+    return MotionBasis(kind, period, step, matrices * scale, frequency, scale)
 
 
-def _fourier(time: FloatArray, period: float, step: float, highest: int, most: int) -> MotionBasis:
+def _fourier(time: FloatArray, period: float, highest: int, most: int) -> tuple[FloatArray, FloatArray]:
+    """((4, T, n) functions of amplitude 1 and their derivatives, (n,) frequencies [Hz])."""
     numbers = np.unique(np.round(np.geomspace(1, highest, most)).astype(int))
-    omega = 2.0 * np.pi * numbers / period
+    omega, frequency = 2.0 * np.pi * numbers / period, numbers / period
     phase = omega[None, :] * time[:, None]
     blocks = []
     for order in range(4):
@@ -210,19 +199,11 @@ def _fourier(time: FloatArray, period: float, step: float, highest: int, most: i
         scale = omega**order
         constant = np.full((time.size, 1), 1.0 if order == 0 else 0.0)
         blocks.append(np.hstack([constant, scale * np.cos(turned), scale * np.sin(turned)]))
-    frequency = numbers / period
-    return MotionBasis(
-        "fourier",
-        period,
-        step,
-        np.stack(blocks),
-        np.concatenate([[0.0], frequency, frequency]),
-        np.ones(1 + 2 * omega.size),
-    )
+    return np.stack(blocks), np.concatenate([[0.0], frequency, frequency])
 
 
-def _bspline(time: FloatArray, period: float, step: float, bandwidth_hz: float) -> MotionBasis:
-    """Two knots for each half wave of the highest frequency that 30 knots reach, at most the bandwidth."""
+def _bspline(time: FloatArray, period: float, bandwidth_hz: float) -> tuple[FloatArray, FloatArray]:
+    """The same: two knots for each half wave of the highest frequency that 30 knots reach, at most the bandwidth."""
     count = int(np.clip(np.ceil(4.0 * bandwidth_hz * period), DEGREE + 3, 30))
     spacing = period / count
     knots = np.arange(-DEGREE, count + DEGREE + 1) * spacing
@@ -230,8 +211,7 @@ def _bspline(time: FloatArray, period: float, step: float, bandwidth_hz: float) 
     splines = [BSpline(knots, weights, DEGREE)]
     for _ in range(3):
         splines.append(splines[-1].derivative())
-    matrices = np.stack([spline(time) for spline in splines])
-    return MotionBasis("bspline", period, step, matrices, np.full(count, 0.25 / spacing), np.ones(count))
+    return np.stack([spline(time) for spline in splines]), np.full(count, 0.25 / spacing)
 
 
 EDGE = 0.02

@@ -38,7 +38,7 @@ from drake_tc.errors import ParamsError
 from drake_tc.estimation.robot_loads import robot_logs, with_robot_loads
 from drake_tc.experiments.design.criteria import Expected
 from drake_tc.experiments.design.lead import Experiment
-from drake_tc.experiments.design.motions import JointLimits, MotionBasis, motion_basis, scaled
+from drake_tc.experiments.design.motions import JointLimits, MotionBasis, motion_basis
 from drake_tc.experiments.design.robot_goal import (
     NOISE_SHARE,
     PER_SECOND,
@@ -207,9 +207,7 @@ def design_robot(
     rng = np.random.default_rng(options.seed)
     repeats = max(1, round(options.duration / PERIOD))
     period = options.duration / repeats
-    bases = tuple(
-        scaled(motion_basis(options.basis, period, STEP, each.bandwidth_hz, FREQUENCIES), each) for each in limits
-    )
+    bases = tuple(motion_basis(options.basis, period, STEP, each, FREQUENCIES) for each in limits)
     rotors = [i for i, name in enumerate(robot.joints) if name in options.rotors]
     goal = robot_goal(link_model(robot), limits, options.duration, rng, rotors, options.noise)
     tight = tuple(each.with_margin(0.02) for each in limits)

@@ -10,7 +10,7 @@ from drake_tc.experiments.design.following import tracking_warning, what_limits
 from drake_tc.experiments.design.goal import Goal, criterion_of
 from drake_tc.experiments.design.joint import DesignJoint
 from drake_tc.experiments.design.lead import Experiment, default_motion
-from drake_tc.experiments.design.motions import BasisKind, JointLimits, MotionBasis, motion_basis, scaled, whole_step
+from drake_tc.experiments.design.motions import BasisKind, JointLimits, MotionBasis, motion_basis, whole_step
 from drake_tc.experiments.design.next_log import PlannedRun, next_log
 from drake_tc.experiments.design.robot_goal import CriterionName
 from drake_tc.experiments.design.search import MotionPlan, MotionSearch
@@ -139,10 +139,10 @@ def design_joint(
     Raises:
         ParamsError: Limits that no motion keeps, or a goal that no motion reaches.
     """
-    limits.require_resolved(joint.slowest, joint.name)
+    limits.require_resolved(joint)
     joint, fill, by_default = with_sinusoid(joint, limits, options)
     criterion = criterion_of(goal, joint, smallest=options.criterion == "E")
-    limits.require(joint.largest_load(*limits.position), joint.numbers.coulomb, joint.name)
+    limits.require(joint)
     search, rng = motion_search((joint,), limits, criterion, options), np.random.default_rng(options.seed)
     plan = search.best(rng, starts=options.starts, trials=options.iterations, progress=progress)
     made = JointDesign(joint, goal, limits, search.basis, plan.x[0], plan, search.repeats)
@@ -187,5 +187,5 @@ def motion_search(
     slots = 1 if len(joints) == 1 else max(min(periods, MOST_SLOTS), len(joints))
     repeats = max(round(periods / slots), 1)
     period = options.duration / (slots * repeats)
-    basis = motion_basis(options.basis, period, whole_step(period, STEP), limits.bandwidth_hz)
-    return MotionSearch(joints, scaled(basis, limits), limits, criterion, slots, repeats, options.seed)
+    basis = motion_basis(options.basis, period, whole_step(period, STEP), limits)
+    return MotionSearch(joints, basis, limits, criterion, slots, repeats, options.seed)
