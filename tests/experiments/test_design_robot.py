@@ -64,7 +64,7 @@ def distance(robot, q):
 
 def test_the_distance_constraint_agrees_with_the_geometry(arm):
     constraint = Collisions(arm, 0.02)
-    assert constraint.active
+    assert constraint.pairs
     for q in (np.zeros(3), np.array([0.3, 1.0, -0.5]), np.array([0.0, 2.5, 2.5])):
         assert constraint.allows(q[None]) == (distance(arm, q) >= 0.02)
 

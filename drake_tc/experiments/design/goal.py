@@ -140,12 +140,14 @@ def _told_apart(joint: DesignJoint, forms: Sequence[EffectForm], under: Sequence
         ParamsError: No motion shows that one of them is not the other; with the identity that proves it.
     """
     first, second = forms
-    orders = _larger(first, second)
+    pairs = ((first, second), (second, first))
+    # of two models that fit equally well a diagnosis takes the one with fewer parameters
+    orders = [(t, o) for t, o in pairs if o.effect.degrees_of_freedom <= t.effect.degrees_of_freedom]
     apart = _apart(joint, orders, under)
     if apart:
-        contained = [each for pair in ((first, second), (second, first)) for each in _contained(joint, *pair, under)]
+        contained = [each for pair in pairs for each in _contained(joint, *pair, under)]
         return Discrimination(apart, tuple(contained))
-    proof, back = (identity(joint, a.effect, b.effect, under) for a, b in ((first, second), (second, first)))
+    proof, back = (identity(joint, a.effect, b.effect, under) for a, b in pairs)
     if proof is not None and back is not None:
         text = f"{first.effect.key} and {second.effect.key} are the same function while the joint slides, so no motion "
         text += f"distinguishes them: {proof}; {_isolated(first.effect)}; {_isolated(second.effect)}"
@@ -159,16 +161,6 @@ def _told_apart(joint: DesignJoint, forms: Sequence[EffectForm], under: Sequence
         text += "; motions under known loads do distinguish them: name the loads that you have, --load 0 --load "
         text += shape
     raise ParamsError(text)
-
-
-def _larger(first: EffectForm, second: EffectForm) -> list[Order]:
-    """(truth, other) where the other has no more parameters.
-
-    Of two models that fit equally well a diagnosis takes the one with fewer parameters, so that only the other one has
-    to be distinguished from it.
-    """
-    pairs = ((first, second), (second, first))
-    return [(t, o) for t, o in pairs if o.effect.degrees_of_freedom <= t.effect.degrees_of_freedom]
 
 
 def _apart(joint: DesignJoint, orders: Sequence[Order], under: Sequence[DesignJoint]) -> tuple[Order, ...]:

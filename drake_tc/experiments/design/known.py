@@ -22,6 +22,7 @@ from drake_tc.logs.rig import Rig
 from drake_tc.types import FloatArray, IntArray
 
 DECLARED = ("viscous", "coulomb", "rotor_inertia")
+"""Effects of the declared model, each with the one parameter of the same name."""
 NOISE_OF_TORQUE = 0.002
 """Noise of the balance over the largest torque, where no log tells it."""
 REWEIGHTED = 30
@@ -121,23 +122,23 @@ def _by_run(basis: FloatArray, tau: FloatArray, run: IntArray) -> FloatArray:
 
 def with_model(joint: DesignJoint, model: ActuatorModel) -> DesignJoint:
     """The joint with the numbers and the effects of an actuator model."""
-    values = {value.key: value.parameters for value in model.effects}
-    numbers = replace(
-        joint.numbers,
-        gain=model.drive.gain,
-        viscous=values.get("viscous", {}).get("viscous", joint.numbers.viscous),
-        coulomb=values.get("coulomb", {}).get("coulomb", joint.numbers.coulomb),
-    )
-    present = tuple((key, dict(each)) for key, each in values.items() if key not in DECLARED)
-    rotor = values.get("rotor_inertia", {}).get("rotor_inertia", joint.rotor_inertia)
+    declared = _declared(model)
+    rotor = declared.pop("rotor_inertia", joint.rotor_inertia)
+    numbers = replace(joint.numbers, gain=model.drive.gain, **declared)
+    present = tuple((value.key, dict(value.parameters)) for value in model.effects if value.key not in DECLARED)
     added = tuple(
         Term(effect(key), {p.name: each[p.name] for p in (*effect(key).shapes, *effect(key).given_shapes)})
         for key, each in present
         if isinstance(effect(key), TorqueEffect)
     )
     taken = {t.effect.key for t in joint.declared}
-    declared = (*joint.declared, *(t for t in added if t.effect.key not in taken))
-    return replace(joint, numbers=numbers, rotor_inertia=rotor, present=present, declared=declared)
+    terms = (*joint.declared, *(t for t in added if t.effect.key not in taken))
+    return replace(joint, numbers=numbers, rotor_inertia=rotor, present=present, declared=terms)
+
+
+def _declared(model: ActuatorModel) -> dict[str, float]:
+    """Those of the numbers of the declared model that an actuator model has."""
+    return {value.key: value.parameters[value.key] for value in model.effects if value.key in DECLARED}
 
 
 def joint_from_model(rig: Rig, joint: str, model: ActuatorModel, limits: JointLimits) -> DesignJoint:
@@ -152,8 +153,7 @@ def joint_from_model(rig: Rig, joint: str, model: ActuatorModel, limits: JointLi
             f"joint {joint}: without --log the load must be a pendulum whose mass and length the rig file gives; "
             "name the runs recorded so far with --log"
         )
-    values = {value.key: value.parameters for value in model.effects}
-    rotor = values.get("rotor_inertia", {}).get("rotor_inertia", rig.known(joint, "rotor_inertia"))
+    rotor = _declared(model).get("rotor_inertia", rig.known(joint, "rotor_inertia"))
     torque = load.weight + (load.inertia + rotor) * limits.acceleration
     effort = torque * model.drive.gain
     low, high = limits.position

@@ -6,10 +6,10 @@ from typing import Any
 
 import yaml
 
-from drake_tc.config.quoted import json_value
 from drake_tc.experiments.design.load_design import BEYOND, LoadDesign, LoadRun
 from drake_tc.experiments.design.loads import MOST_LOADS, declaring, hang_angle
 from drake_tc.experiments.design.output import (
+    design_document,
     expected_table,
     motion_plot,
     start_text,
@@ -95,8 +95,7 @@ def load_json(design: LoadDesign) -> dict[str, Any]:
         "sentences": [*design.sentences, *_how(design)],
         "rig": {} if rig is None else {"load": rig},
     }
-    made: dict[str, Any] = json_value({"name": "design", "schema": 1, "joints": {design.joint.name: entry}})
-    return made
+    return design_document({"joints": {design.joint.name: entry}})
 
 
 def _how(design: LoadDesign) -> tuple[str, ...]:

@@ -85,7 +85,8 @@ class JointLimits:
             raise ParamsError(
                 f"joint {joint.name}: the limits contradict each other: holding the load within "
                 f"{self.position[0]:.3g} to {self.position[1]:.3g} {at} and overcoming friction needs {needed:.3g} "
-                f"{unit}, and the torque limit is {self.torque:.3g} {unit}; raise the torque limit or narrow the position limits"
+                f"{unit}, and the torque limit is {self.torque:.3g} {unit}; raise the torque limit or narrow the "
+                "position limits"
             )
 
     def require_resolved(self, joint: DesignJoint) -> None:

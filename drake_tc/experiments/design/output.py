@@ -100,10 +100,13 @@ def joint_trajectory(time: FloatArray, motions: Mapping[str, FloatArray]) -> str
 
 def design_json(designs: Mapping[str, JointDesign]) -> dict[str, Any]:
     """The whole design as plain data."""
-    out: dict[str, Any] = json_value(
-        {"name": "design", "schema": 1, "joints": {name: _joint_json(each) for name, each in designs.items()}}
-    )
-    return out
+    return design_document({"joints": {name: _joint_json(each) for name, each in designs.items()}})
+
+
+def design_document(content: Mapping[str, Any]) -> dict[str, Any]:
+    """What design.json has in every design, and the content of this one."""
+    made: dict[str, Any] = json_value({"name": "design", "schema": 1, **content})
+    return made
 
 
 def write_robot_design(design: RobotDesign, folder: Path, rate_hz: float) -> None:
@@ -114,26 +117,19 @@ def write_robot_design(design: RobotDesign, folder: Path, rate_hz: float) -> Non
 
 def robot_json(design: RobotDesign) -> dict[str, Any]:
     """The design of a whole robot as plain data."""
-    out: dict[str, Any] = json_value(
-        {
-            "name": "design",
-            "schema": 1,
-            "goal": "parameters",
-            "robot": {
-                "joints": list(design.joints),
-                "limits": {name: asdict(each) for name, each in zip(design.joints, design.limits, strict=True)},
-                "period": design.bases[0].period,
-                "repeats": design.repeats,
-                "parameters": design.x.tolist(),
-                "criterion": {"random": design.start_value, "designed": design.value},
-                "collision_pairs": design.pairs,
-                "least_distance": design.distance,
-                "expected": [asdict(each) for each in design.expected],
-                "sentences": list(design.sentences),
-            },
-        }
-    )
-    return out
+    robot = {
+        "joints": list(design.joints),
+        "limits": {name: asdict(each) for name, each in zip(design.joints, design.limits, strict=True)},
+        "period": design.bases[0].period,
+        "repeats": design.repeats,
+        "parameters": design.x.tolist(),
+        "criterion": {"random": design.start_value, "designed": design.value},
+        "collision_pairs": design.pairs,
+        "least_distance": design.distance,
+        "expected": [asdict(each) for each in design.expected],
+        "sentences": list(design.sentences),
+    }
+    return design_document({"goal": "parameters", "robot": robot})
 
 
 def robot_page(design: RobotDesign) -> str:

@@ -115,8 +115,7 @@ def designed_robot(
     if request.limits.get("position") is not None:
         raise ParamsError("--position: a robot's position limits are those of its robot file and URDF")
     robot = load_robot(rig.robot, found_links=False)
-    names = ("velocity", "acceleration", "jerk", "torque", "bandwidth_hz")
-    limits = robot_limits(robot, **{name: request.limits.get(name) for name in names})
+    limits = robot_limits(robot, **request.limits)
     fitted = tuple(j for j in rig.joints if "rotor_inertia" in rig.declared[j] and not rig.declared[j]["rotor_inertia"])
     logs = _given_logs(request)
     with threadpool_limits(1):

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 from pydrake.autodiffutils import AutoDiffXd, ExtractGradient, ExtractValue, InitializeAutoDiff
-from pydrake.geometry import SceneGraph
 from pydrake.multibody.inverse_kinematics import MinimumDistanceLowerBoundConstraint
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
@@ -39,7 +38,7 @@ class Collisions:
     """
 
     def __init__(self, robot: Robot, bound: float, scene: Path | None = None) -> None:
-        """The constraint that all distances are at least `bound` [m]; a robot without shapes keeps any.
+        """The constraint that all distances are at least `bound` [m]; without `pairs` that could touch all keep it.
 
         Args:
             robot: From `load_robot`.
@@ -61,7 +60,7 @@ class Collisions:
         self._context: Any = plant.GetMyMutableContextFromRoot(self._root)
         self._default: FloatArray = np.asarray(plant.GetPositions(self._context), dtype=np.float64)
         self._order = [int(plant.GetJointByName(name).position_start()) for name in robot.joints]
-        self.pairs = _pairs(scene_graph)
+        self.pairs = len(scene_graph.model_inspector().GetCollisionCandidates())
         self.left_out = tuple(links_without_solids(robot))
         self._constraint: Any = None
         if self.pairs:
@@ -73,18 +72,13 @@ class Collisions:
     def sentences(self) -> tuple[str, ...]:
         """What the distance leaves out, for the user; empty where nothing is."""
         warnings = []
-        if not self.active:
+        if not self.pairs:
             warnings.append("No distance between links was kept: the URDF has no pair of primitive collision shapes.")
         if self.left_out:
             names = ", ".join(self.left_out)
             warnings.append(f"The collision shapes of these links are meshes, which the design does not use: {names}.")
         check = "Check the motion for collisions before the robot runs it, or give these links primitive shapes."
         return (*warnings, check) if warnings else ()
-
-    @property
-    def active(self) -> bool:
-        """Whether there is a pair of shapes that could touch."""
-        return self._constraint is not None
 
     def value(self, position: FloatArray) -> float:
         """At most 1 where a posture (n,) [rad] keeps the distance."""
@@ -97,9 +91,7 @@ class Collisions:
         return all(self.value(q) <= 1.0 + 1e-6 for q in positions)
 
     def gradient(self, position: FloatArray) -> tuple[float, FloatArray]:
-        """(value, (n,) slope by the joints' positions)."""
-        if self._constraint is None:
-            return 0.0, np.zeros(position.size)
+        """(value, (n,) slope by the joints' positions) where shapes could touch."""
         at: Any = self._in_plant(position)[:, None]
         found = self._constraint.Eval(InitializeAutoDiff(at).ravel())
         slope = np.asarray(ExtractGradient(found))[-1]
@@ -138,11 +130,6 @@ def _add_scene(plant: Any, scene: Path) -> None:
             body = plant.get_body(index)
             if index not in held:
                 plant.WeldFrames(plant.world_frame(), body.body_frame(), plant.GetDefaultFloatingBaseBodyPose(body))
-
-
-def _pairs(scene_graph: SceneGraph) -> int:
-    """Number of pairs of shapes that may touch."""
-    return len(scene_graph.model_inspector().GetCollisionCandidates())
 
 
 RANDOM_STARTS = 10
@@ -233,7 +220,7 @@ class RobotSearch:
                 if np.isfinite(upper):
                     rows = basis.matrices[order, ::3]
                     program.AddLinearConstraint(rows, np.full(len(rows), lower), np.full(len(rows), upper), mine)
-        if self.collision.active:
+        if self.collision.pairs:
             self._add_distances(program, x, (n, m))
         program.AddCost(self._cost((n, m)), vars=x)
         options = SolverOptions()
