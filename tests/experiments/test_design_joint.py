@@ -193,6 +193,14 @@ def test_two_effects_that_are_one_function_are_refused_with_the_identity(joint):
     assert "\n" not in str(found.value)
 
 
+def test_an_effect_whose_shape_the_log_gives_has_columns_at_that_shape(joint):
+    """A payload hangs where the pendulum does: it is no spring, and the same function as itself."""
+    hanging = replace(joint, context=replace(joint.context, load="pendulum", link_inertia=0.9, hang_angle=0.1))
+    payload = effect("payload.pendulum")
+    assert identity(hanging, payload, effect("cable_spring")) is None
+    assert identity(hanging, payload, payload) is not None
+
+
 def test_an_effect_that_contains_another_is_told_from_it_in_one_order(joint):
     criterion = criterion_of(parse_goal("tell:torque_sensor_bias,asymmetric_friction"), joint)
     assert isinstance(criterion, Discrimination)

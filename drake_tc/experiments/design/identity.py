@@ -64,10 +64,12 @@ def identity(joint: DesignJoint, truth: Effect, other: Effect, under: Sequence[D
 
 
 def _columns(effects: Sequence[Effect], joint: DesignJoint, signals: Signals) -> FloatArray:
-    """(T, k) columns of effects without shapes; of an error of the drive gain, the effort."""
+    """(T, k) columns of effects without shapes but given ones; of an error of the drive gain, the effort."""
     shapes = {term.effect.key: term.shape for term in joint.declared}
     each = [
-        signals.effort[:, None] if isinstance(e, ServoGain) else e.columns(signals, shapes.get(e.key, {}))
+        signals.effort[:, None]
+        if isinstance(e, ServoGain)
+        else e.columns(signals, shapes.get(e.key) or e.shape_grid(joint.context)[0])
         for e in effects
     ]
     return np.concatenate(each, axis=1)
