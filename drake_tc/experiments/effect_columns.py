@@ -16,7 +16,7 @@ from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.effects.base import Effect
 from drake_tc.effects.servo_gain import ServoGain
 from drake_tc.experiments.fitted import FittedJoint
-from drake_tc.experiments.sizes import Size, acts_through_shape, strengths
+from drake_tc.experiments.sizes import Size, strengths
 from drake_tc.types import FloatArray, IntArray
 
 MOST_SHAPES = 14
@@ -95,7 +95,7 @@ class EffectColumns:
 
     def variants(self, effect: Effect, size: Size) -> list[Variant]:
         """The effect at the shapes that a search would try."""
-        if acts_through_shape(effect) or effect.key == "current_lag.winding":
+        if size.in_shape:
             return [self._by_shape(effect, size)]
         grid = self._shapes.get(effect.key) or effect.shape_grid(self._fitted.context)
         shapes = grid[:: max(1, -(-len(grid) // MOST_SHAPES))]

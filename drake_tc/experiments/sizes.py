@@ -23,7 +23,7 @@ class Size:
         name: Of the parameter, as in reports.
         unit: With the drive's own unit in place of "effort".
         typical: Size from which on the effect matters to the user of a model.
-        in_shape: Whether it is a shape parameter, in which the balance is not linear.
+        in_shape: Whether it is a shape parameter, in which the balance is not linear (a delay, a dead zone).
         falling: Whether a smaller number is a stronger effect (the limit of a saturation).
     """
 
@@ -64,11 +64,6 @@ def strengths(effect: Effect, size: Size, context: Context) -> FloatArray:
     """Sizes (g,) of an effect whose size is a shape parameter, weakest first, that a search would try."""
     values = sorted({float(shape[size.name]) for shape in effect.shape_grid(context)})
     return np.array(values[::-1] if size.falling else values)
-
-
-def acts_through_shape(effect: Effect) -> bool:
-    """Whether an effect changes the effort and adds no column (delay, lag, dead zone, saturation)."""
-    return isinstance(effect, DriveEffect) and not effect.coefficients and bool(effect.shapes)
 
 
 def is_late(effect: Effect) -> bool:

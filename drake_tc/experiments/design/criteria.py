@@ -30,7 +30,7 @@ from drake_tc.effects.library import effect
 from drake_tc.experiments.design.joint import DesignJoint
 from drake_tc.experiments.fitted import FittedJoint
 from drake_tc.experiments.log_odds import EffectOdds
-from drake_tc.experiments.sizes import Size, acts_through_shape, size_of
+from drake_tc.experiments.sizes import Size, size_of
 from drake_tc.report.numbers import pretty_unit
 from drake_tc.types import FloatArray
 
@@ -60,7 +60,7 @@ def form_of(joint: DesignJoint, key: str, strength: float | None = None) -> Effe
     member = effect(key)
     size = size_of(member, joint.numbers, joint.context)
     shapes: tuple[Mapping[str, float], ...] = ({},)
-    if not acts_through_shape(member):
+    if not size.in_shape:
         grid = member.shape_grid(joint.context)
         shapes = tuple(grid[:: max(1, -(-len(grid) // MOST_SHAPES))])
     return EffectForm(member, size, size.typical if strength is None else strength, shapes)

@@ -16,7 +16,6 @@ import numpy as np
 from drake_tc.effects.base import Effect, Signals
 from drake_tc.effects.servo_gain import ServoGain
 from drake_tc.experiments.design.joint import DesignJoint
-from drake_tc.experiments.sizes import acts_through_shape
 from drake_tc.types import FloatArray
 
 STATES = 4000
@@ -36,7 +35,7 @@ def identity(joint: DesignJoint, truth: Effect, other: Effect, under: Sequence[D
         other: Phi_B.
         under: The joint with each of the loads under which it is moved; empty for the joint as it is.
     """
-    if any(acts_through_shape(each) or each.shapes for each in (truth, other)):
+    if truth.shapes or other.shapes:
         return None
     motion, declared = _random_states(joint), [term.effect for term in joint.declared if term.effect.coefficients]
     rows = np.abs(motion[1]) > 0.1 * joint.numbers.speed

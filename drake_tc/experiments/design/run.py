@@ -68,7 +68,6 @@ class JointDesign:
         repeats: Periods in the experiment.
         expected: What it is expected to bring.
         sentences: The same in words.
-        contained: (truth, other, proof) of an effect that the other one contains: no motion rules that other out.
         sinusoid: (4, T) the growing sinusoid at a step of `FINE`, where no motion of the basis is better.
     """
 
@@ -81,7 +80,6 @@ class JointDesign:
     repeats: int
     expected: tuple[Expected, ...] = ()
     sentences: tuple[str, ...] = ()
-    contained: tuple[tuple[str, str, str], ...] = ()
     sinusoid: FloatArray | None = None
 
     @property
@@ -154,15 +152,13 @@ def design_joint(
     expected = expected_of(None if logs is None else criterion.worth(logs.alone()), default, designed)
     sentences = [*criterion.sentences(expected, NOUN, designed.gain_over(default))]
     sentences += [BETTER_SINUSOID] if made.sinusoid is not None else []
-    contained: tuple[tuple[str, str, str], ...] = ()
     if isinstance(criterion, Discrimination):
-        contained = criterion.contained
         if expected[0].after < TOLD:
             sentences.append(what_limits(search, options.seed))
         elif logs is not None:
             sentences.append(REFIT)
     sentences += tracking_warning(joint, limits, *made.one)
-    return replace(made, expected=expected, sentences=tuple(sentences), contained=contained)
+    return replace(made, expected=expected, sentences=tuple(sentences))
 
 
 def with_sinusoid(

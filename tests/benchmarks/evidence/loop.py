@@ -17,7 +17,8 @@ from drake_tc.diagnosis.diagnose import diagnose_joint
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.effects.library import effect
 from drake_tc.errors import DrakeTcError
-from drake_tc.experiments.design.goal import Goal
+from drake_tc.experiments.design.criteria import Discrimination
+from drake_tc.experiments.design.goal import Goal, criterion_of
 from drake_tc.experiments.design.known import joint_from_logs
 from drake_tc.experiments.design.lead import DEFAULT_HZ
 from drake_tc.experiments.design.motions import JointLimits
@@ -166,7 +167,9 @@ def _designed(case: OpenCase) -> OpenCase:
         design = design_joint(joint, LIMITS, goal, options, prepared)
     except DrakeTcError as error:
         return replace(case, told=told, refusal=str(error))
-    proof = next((proof for truth, _, proof in design.contained if effect(truth).id == case.truth), "")
+    criterion = criterion_of(goal, design.joint)
+    assert isinstance(criterion, Discrimination)
+    proof = next((proof for truth, _, proof in criterion.contained if effect(truth).id == case.truth), "")
     if proof:
         return replace(case, told=told, refusal=f"{case.other} contains {case.truth}: {proof}")
     time, motion = design.motion(1.0 / LOG_PERIOD)
