@@ -136,10 +136,10 @@ def readings(
         yield t, np.stack([q, v + noise[0], a + noise[1], load, effort, np.full_like(v, np.nan)], axis=1)
 
 
-def calibrated(joints: Joints, seed: int) -> ModelMonitor:
-    """A monitor with the health of a sound minute."""
+def calibrated(joints: Joints, seed: int, seconds: float = 60.0) -> ModelMonitor:
+    """A monitor with the health of a sound run, of a minute unless told otherwise."""
     rng = np.random.default_rng([seed, 1])
-    seen = np.concatenate([chunk[::SPARSE, :5] for _, chunk in readings(joints, 60.0, rng, {}, 1e9)])
+    seen = np.concatenate([chunk[::SPARSE, :5] for _, chunk in readings(joints, seconds, rng, {}, 1e9)])
     return health_of(joints.models(), seen, SPARSE * DT).monitor(joints.models())
 
 

@@ -20,7 +20,7 @@ from drake_tc.diagnosis.run import close_loop
 from drake_tc.effects.library import effect
 from drake_tc.watch.compare import ComparisonResult, compare
 
-LENGTH = DemoLength(duration=14.0, period=2e-3, step=2.5e-4)
+LENGTH = DemoLength(duration=14.0, period=2e-3, step=1e-3)
 OWN_EFFECTS = DiagnosisOptions(effects=(effect("stribeck"), effect("deadzone")), assess_residual=False)
 """A search for what the joint has beside its model, and nothing else."""
 

@@ -30,7 +30,7 @@ def joints() -> Joints:
 
 @pytest.fixture(scope="module")
 def monitor(joints) -> ModelMonitor:
-    return calibrated(joints, 3)
+    return calibrated(joints, 3, seconds=30.0)
 
 
 def columns(joints, seen, needed):
@@ -86,29 +86,28 @@ def test_more_friction_is_named_and_tracked(joints, monitor):
     assert np.all(np.sqrt(np.mean((told - true) ** 2, axis=0)) < 0.35 * np.sqrt(np.mean(true**2, axis=0)))
 
 
-@pytest.mark.parametrize("seed", range(2))
-def test_a_gap_of_a_simulated_gear_is_named_with_its_size_and_a_tight_gear_is_not(seed):
+@pytest.mark.parametrize("half_gap", [0.0, 5e-4])
+def test_a_gap_of_a_simulated_gear_is_named_with_its_size_and_a_tight_gear_is_not(half_gap):
     """By `drake_tc.joint_simulator`: motor and link are two masses, and friction is that of the motor."""
-    joint = draw_joint(np.random.default_rng(seed), "position_servo", pendulum=None)
+    joint = draw_joint(np.random.default_rng(0), "position_servo", pendulum=None)
     effects = {"rotor_inertia": joint.rotor_inertia, "viscous": joint.damping, "coulomb": joint.coulomb}
     drive = Drive("position_servo", joint.gain)
     model = ActuatorModel("joint", drive, tuple(EffectValue(name, {name: x}) for name, x in effects.items()))
-    for half_gap in (0.0, 5e-4):
-        causes = {"backlash": {"half_gap": half_gap}} if half_gap else {}
-        sensors = Sensors(rate_hz=500)
-        spec = RigSpec("servo", "null", "none", "", joint, 1, causes=causes, sensors=sensors, duration=12.0)
-        (record,) = simulate([spec], ["multisine"], 2e-4)
-        log = clean_log(record)
-        one = ModelMonitor([model], 0.3, 0.02)
-        memory, shown = one.start()
-        signals = (log.position, log.velocity, log.acceleration, log.torque, log.effort, np.full_like(log.time, np.nan))
-        named = []
-        for seen in np.stack(signals, axis=1)[:, :, None]:
-            one.tick(seen, one.needed(seen, one.room), memory, shown)
-            named.append(shown[1])
-        expected = {CAUSES.index("backlash") + 1.0} if half_gap else set()
-        assert {cause for cause in named if cause > 0.0} == expected
-        assert shown[2] == pytest.approx(2.0 * half_gap, rel=0.1)
+    causes = {"backlash": {"half_gap": half_gap}} if half_gap else {}
+    sensors = Sensors(rate_hz=500)
+    spec = RigSpec("servo", "null", "none", "", joint, 1, causes=causes, sensors=sensors, duration=12.0)
+    (record,) = simulate([spec], ["multisine"], 2e-4)
+    log = clean_log(record)
+    one = ModelMonitor([model], 0.3, 0.02)
+    memory, shown = one.start()
+    signals = (log.position, log.velocity, log.acceleration, log.torque, log.effort, np.full_like(log.time, np.nan))
+    named = []
+    for seen in np.stack(signals, axis=1)[:, :, None]:
+        one.tick(seen, one.needed(seen, one.room), memory, shown)
+        named.append(shown[1])
+    expected = {CAUSES.index("backlash") + 1.0} if half_gap else set()
+    assert {cause for cause in named if cause > 0.0} == expected
+    assert shown[2] == pytest.approx(2.0 * half_gap, rel=0.1)
 
 
 def test_a_collision_is_a_push_and_no_change(joints, monitor):
