@@ -10,7 +10,8 @@ from drake_tc.effects.library import BUILT_IN
 from .conftest import DOCS  # noqa: F401 - puts docs/ on the path
 
 effects = pytest.importorskip("site_pages.effects")
-GALLERIES = {kind: effects.pages()[f"effects/{name}.md"] for kind, (name, _, _) in effects.GROUPS.items()}
+PAGES = effects.pages()
+GALLERIES = {kind: PAGES[f"effects/{name}.md"] for kind, (name, _, _) in effects.GROUPS.items()}
 ANCHOR = re.compile(r'^## .* \{ id="([^"]+)" \}$', re.M)
 
 
