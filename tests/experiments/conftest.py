@@ -42,7 +42,7 @@ def looking_for(effects: Sequence[Effect]) -> Iterator[None]:
 
 @pytest.fixture(scope="session")
 def demo(tmp_path_factory) -> tuple[Path, list[Path], list[Path]]:
-    return record_demo(tmp_path_factory.mktemp("demo"), 0, DemoLength(duration=8.0, period=2e-3, step=2.5e-4), jobs=1)
+    return record_demo(tmp_path_factory.mktemp("demo"), 0, DemoLength(duration=8.0, period=4e-3, step=1e-3), jobs=1)
 
 
 @pytest.fixture(scope="session")

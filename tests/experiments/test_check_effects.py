@@ -97,7 +97,7 @@ def test_the_stated_sizes_are_found_in_95_and_in_5_percent_of_such_logs(odds, mo
             assert found == pytest.approx(share, abs=2e-3), key  # of two signs, the other is that improbable
 
 
-SENSED = Joint(duration=12.0, period=4e-3, torque_noise=0.25, encoder_step=1e-5)
+SENSED = Joint(duration=8.0, period=4e-3, torque_noise=0.25, encoder_step=1e-5)
 EFFECTS: Mapping[str, Callable[[Motion], np.ndarray]] = {
     "load_dependent_friction": lambda m: np.abs(m.tau) * np.sign(m.v),
     "torque_ripple": lambda m: np.cos(18.0 * m.q),

@@ -25,7 +25,7 @@ from drake_tc.logs.rig import parse_rig, rig_document
 from drake_tc.types import GRAVITY
 
 LIMITS = JointLimits((-0.7, 0.9), 2.0, 9.0, jerk=300.0, torque=60.0, bandwidth_hz=2.0)
-QUICK = DesignOptions(duration=20.0, starts=1, iterations=15)
+QUICK = DesignOptions(duration=10.0, starts=1, iterations=15)
 HEAVY = KnownLoad(4.0, 0.5)
 STEP = 5e-3
 
@@ -160,7 +160,7 @@ def test_motions_under_loads_keep_every_limit_with_their_load_and_are_worth_it()
     goal, loads = parse_goal("parameters:load_dependent_friction"), (KnownLoad(0.0), HEAVY, KnownLoad(1.0, 0.5))
     design = design_with_loads(joint, LIMITS, goal, QUICK, loads)
     assert isinstance(design, LoadDesign) and design.gain > 1.1
-    assert sum(run.seconds for run in design.runs) == pytest.approx(20.0)
+    assert sum(run.seconds for run in design.runs) == pytest.approx(QUICK.duration)
     n = joint.numbers
     alone = design_joint(joint, LIMITS, goal, QUICK)
 
