@@ -25,7 +25,7 @@ from tests.benchmarks.blind_arm.arms import REFERENCE, arm_named
 from tests.benchmarks.blind_arm.cases import rig_file, simulated_arm, sound_case, write_files
 from tests.benchmarks.blind_arm.recorder import EVERY, STEP, record_run
 
-SECONDS = 20.0
+SECONDS = 12.0
 
 
 @pytest.fixture(scope="module")

@@ -13,12 +13,14 @@ from .seal_logs import COSINE, SINE, write_bench
 AMONG_FEW = """
 import sys
 from drake_tc.cli.main import run
+from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.effects import library
 
 library.LIBRARY = tuple(each for each in library.LIBRARY if each.id in ("viscous", "coulomb", "stribeck", "payload"))
+DiagnosisOptions.__init__.__defaults__ = (0, False, None, None)
 sys.exit(run(sys.argv[1:]))
 """
-"""The command in a library of four effects, beside that of the package."""
+"""The command in a library of four effects, beside that of the package; what is left is not assessed."""
 
 
 @pytest.fixture(scope="module")
