@@ -21,7 +21,7 @@ from drake_tc.report.data_files import result_json
 
 from .rigs import Joint, record, rig_of, servo
 
-NOISY = Joint(torque_noise=0.25, extra=lambda m: 1.2 * m.v * np.abs(m.v))
+NOISY = Joint(period=4e-3, torque_noise=0.25, extra=lambda m: 1.2 * m.v * np.abs(m.v))
 
 
 QUICK = DiagnosisOptions(assess_residual=False)
@@ -34,6 +34,8 @@ def diagnose(joint: Joint, options: DiagnosisOptions = QUICK) -> JointResult:
 
 
 FEW = ("quadratic_viscous", "load_dependent_friction")
+SOME = ("thermal_friction", "stribeck", "payload", "deadzone", "torque_ripple", "delay.loop", "backlash", *FEW)
+"""Of each kind; tests of cases and of commands look for all."""
 
 
 def only(*keys: str) -> DiagnosisOptions:
@@ -50,7 +52,7 @@ def result_of(*joints: JointResult) -> CloseLoopResult:
 
 @pytest.fixture(scope="module")
 def found() -> JointResult:
-    return diagnose(NOISY, DiagnosisOptions())
+    return diagnose(NOISY, replace(only(*SOME), assess_residual=True))
 
 
 def test_the_missing_effect_is_found_and_its_value_is_right(found):
@@ -117,7 +119,7 @@ def test_models_survive_their_files(found, tmp_path):
 
 
 def test_a_model_beside_a_wrong_sensor_is_in_true_torque():
-    wrong = Joint(duration=10.0, inertia=1.2, torque_noise=0.05, sensor=lambda m: 0.25 * m.tau)
+    wrong = Joint(duration=10.0, period=4e-3, inertia=1.2, torque_noise=0.05, sensor=lambda m: 0.25 * m.tau)
     found = diagnose(wrong, only("torque_sensor_gain", *FEW))
     assert [e.id for e in found.effects] == ["torque_sensor_gain"]
     model = model_of(found, final=True)
@@ -131,7 +133,7 @@ def test_a_model_beside_a_wrong_sensor_is_in_true_torque():
 
 def test_servo_side_parameters_use_the_final_stiffness():
     offset = 0.01  # 5 N m at 500 N m/rad: a fit without it takes the servo for much softer
-    joint = servo(duration=10.0, torque_noise=0.05)
+    joint = servo(duration=10.0, period=4e-3, torque_noise=0.05)
     joint = replace(joint, extra=lambda m: -offset / joint.gain * np.ones_like(m.q))
     found = diagnose(joint, only("encoder_offset", *FEW))
     assert [e.id for e in found.effects] == ["encoder_offset"]
@@ -151,11 +153,11 @@ def test_declared_values_are_taken_off_before_the_fit():
 
 
 def test_motion_that_cannot_tell_the_declared_parameters_apart_is_refused():
-    time = np.arange(4000) * 2e-3
     run = record(NOISY)
-    flat = {k: v[:4000] for k, v in run.columns.items()}
+    time = np.arange(2000) * NOISY.period
+    flat = {k: v[:2000] for k, v in run.columns.items()}
     flat["joint/position"] = 0.3 * time  # one constant speed: viscous and Coulomb friction are the same column
-    runs = [replace(run, time=time, columns=flat, segment=np.zeros(4000, np.int64), name=n) for n in ("a", "b", "c")]
+    runs = [replace(run, time=time, columns=flat, segment=np.zeros(2000, np.int64), name=n) for n in ("a", "b", "c")]
     with pytest.raises(IdentificationError, match="cannot tell"):
         diagnose_joint(runs[:2], runs[2:], rig_of(NOISY), "joint", DiagnosisOptions())
 

@@ -12,7 +12,7 @@ LOGS = 24
 
 
 def test_parameters_of_repeated_logs_scatter_with_the_told_correlation() -> None:
-    joint = Joint(torque_noise=0.5)
+    joint = Joint(period=4e-3, torque_noise=0.5)
     rig = rig_of(joint)
     values, told = [], []
     for k in range(LOGS):

@@ -22,7 +22,7 @@ from drake_tc.errors import DrakeTcError
 
 from .rigs import Joint, record
 
-JOINT = Joint(duration=8.0, torque_noise=0.25, extra=lambda m: 1.2 * m.v * np.abs(m.v))
+JOINT = Joint(duration=8.0, period=4e-3, torque_noise=0.25, extra=lambda m: 1.2 * m.v * np.abs(m.v))
 RIG = {"joint": "joint", "drive": "current", "load": "torque", "declared": {"rotor_inertia": 0.3}}
 QUICK = DiagnosisOptions(assess_residual=False, effects=(effect("quadratic_viscous"),))
 

@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 from .log_files import Logs, figures, found, write_logs
 from .rigs import Joint
 
-NOISY = Joint(duration=8.0, torque_noise=0.25, encoder_step=1e-4, extra=lambda m: 1.2 * m.v * np.abs(m.v))
+NOISY = Joint(duration=8.0, period=4e-3, torque_noise=0.25, encoder_step=1e-4, extra=lambda m: 1.2 * m.v * np.abs(m.v))
 LOOKED_FOR = ("quadratic_viscous", "load_dependent_friction", "torque_ripple", "delay.loop")
 SAME = {"rtol": 1e-6, "atol": 0.0}
 """The same arithmetic in another order, or through the 17 digits of a CSV file in other units."""
