@@ -1,6 +1,7 @@
 """`drake-tc design`."""
 
 import json
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -11,9 +12,17 @@ import yaml
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.model_file import save_models
 from drake_tc.cli.demo import JOINT
+from drake_tc.experiments.design.run import DesignOptions
 from drake_tc.logs.rig import parse_rig
 
-pytestmark = pytest.mark.usefixtures("fitted_once")
+pytestmark = pytest.mark.usefixtures("fitted_once", "few_motions")
+
+
+@pytest.fixture
+def few_motions(monkeypatch) -> None:
+    """A search tries few motions after its candidates."""
+    defaults = tuple(10 if each.name == "iterations" else each.default for each in fields(DesignOptions))
+    monkeypatch.setattr(DesignOptions.__init__, "__defaults__", defaults)
 
 
 @pytest.fixture

@@ -232,11 +232,13 @@ WRONG: Mapping[tuple[str, bool], str] = {
 
 
 FAST = {
-    *("rotor_inertia", "stribeck", "presliding_hysteresis", "thermal_friction", "torque_ripple", "payload"),
-    *("deadzone", "saturation", "servo_integrator", "current_lag", "delay.loop", "elasticity", "backlash"),
-    *("torque_sensor_gain", "encoder_eccentricity.separate"),
+    *("rotor_inertia", "stribeck", "presliding_hysteresis", "thermal_friction", "payload", "saturation"),
+    *("servo_integrator", "current_lag", "elasticity", "backlash", "encoder_eccentricity.separate"),
 }
-"""Some of friction, load, drive, gear and sensors; the others are slow."""
+"""Some of friction, load, drive, gear and sensors; the others are slow.
+
+Of those, a dead zone, a ripple, a delay and a sensor's gain are found in fast tests of tests/diagnosis too.
+"""
 ASKED = [
     *((key, False) for key in CASES if key != "position_dependent_load"),
     *((key, True) for key in ("torque_sensor_gain", "elasticity", "directional_efficiency")),

@@ -69,10 +69,10 @@ def health(tmp_path_factory):
 
 def test_a_sound_run_names_nothing_and_a_weaker_motor_is_named_with_its_joint(health):
     controller = swinging()
-    assert watched_run(ModelWatch(controller, health), controller, seconds=3.0).watch["events"] == []
+    assert watched_run(ModelWatch(controller, health), controller, seconds=2.5).watch["events"] == []
     controller = swinging()
     watch = ModelWatch(controller, health)
-    report = watched_run(watch, controller, {"r_knee": 1.0 / 0.85}, 4.0)
+    report = watched_run(watch, controller, {"r_knee": 1.0 / 0.85}, 3.2)
     document = json.loads(json.dumps(report.to_json()))["watch"]
     assert {event["joint"] for event in document["events"]} == {"r_knee"}
     assert document["events"][0]["begin"] < 3.0
