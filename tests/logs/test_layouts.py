@@ -24,7 +24,7 @@ from drake_tc.logs.inspection import inspect_log, trial
 from drake_tc.logs.prepare import load_run
 from drake_tc.logs.rig import load_rig, parse_rig, save_rig
 
-TIME = np.arange(3000) / 250.0
+TIME = np.arange(2000) / 250.0
 POSITION = 0.9 * np.sin(1.7 * TIME) + 0.3 * np.sin(4.1 * TIME + 1.0)
 RATE = 1.53 * np.cos(1.7 * TIME) + 1.23 * np.cos(4.1 * TIME + 1.0)
 NOISE = np.random.default_rng(5)
