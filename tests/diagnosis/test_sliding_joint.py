@@ -23,7 +23,7 @@ GAIN, COULOMB, VISCOUS, CARRIAGE, SCREW = 1 / 95.0, 25.0, 60.0, 12.0, 18.0
 """[A/N], [N], [N s/m], mass before the force sensor and reflected mass of rotor and screw [kg]."""
 WEIGHT, STIFFNESS, RIPPLE, LEAD = CARRIAGE * 9.81, 250.0, 6.0, 0.010
 TURNING = re.compile(r"\brad\b|N·m|N\*m|kg·m|kg\*m|\bN m\b")
-PERIOD = 4e-3
+PERIOD = 8e-3
 
 
 def write(path, frequencies, amplitude, seed, spring=0.0, ripple=0.0, sensor=True):
