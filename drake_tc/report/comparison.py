@@ -40,7 +40,7 @@ def comparison_text(found: ComparisonResult) -> str:
     lines += [f"robot: {effect_sentence(each)}" for each in found.shared]
     for joint in found.joints.values():
         lines += [f"{joint.joint}: {VERDICTS[joint.verdict]}", *(f"  {line}" for line in sentences(joint))]
-        lines += _aligned([HEADINGS, *(_row(p) for p in joint.parameters)])
+        lines += _aligned([HEADINGS, *(line for p in joint.parameters for line in _rows(p))])
     return "\n".join(lines)
 
 
@@ -71,9 +71,7 @@ def comparison_page(found: ComparisonResult) -> str:
 
 def _section(joint: JointComparison) -> PageSection:
     numbers = HEADINGS[1:-1]
-    table = PageTable(
-        HEADINGS, [(name, *map(_stacked, cells)) for name, *cells in map(_row, joint.parameters)], numbers
-    )
+    table = PageTable(HEADINGS, [tuple(map(_in_html, *_rows(p))) for p in joint.parameters], numbers)
     name, about = f"changes-{joint.joint}", f"changes of the parameters of {joint.joint}"
     plots = [_svg(name, change_figure(joint), about)] if joint.parameters else []
     told = [*sentences(joint), "Brackets hold 95 % intervals. The log odds are those that the parameter changed."]
@@ -135,18 +133,16 @@ def effect_sentence(e: EffectChange) -> str:
     return f"{e.title}{where} {words[e.status]} (log odds {significant(e.log_odds)}): {values}."
 
 
-def _row(p: ParameterChange) -> tuple[str, ...]:
-    then, now = (" ".join(interval(k.value, *k.ci95)).strip() for k in (p.then, p.now))
-    change, ends = interval(p.change.value, *p.change.ci95)
+def _rows(p: ParameterChange) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """The values of a parameter, and the intervals below them: side by side, three of them are wider than a page."""
+    values, ends = zip(*(interval(k.value, *k.ci95) for k in (p.then, p.now, p.change)), strict=True)
     mark = "changed" if p.changed else "temperature" if p.heat else ""
     name = f"{label_of(f'{p.key}.{p.name}')} [{pretty_unit(p.unit) or '-'}]"
-    return (name, then, now, f"{change} {ends}".strip(), significant(p.log_odds), mark)
+    return (name, *values, significant(p.log_odds), mark), ("", *ends, "", "")
 
 
-def _stacked(cell: str) -> str:
-    """A value with its interval below it: side by side, three of them are wider than a page."""
-    value, between, ends = cell.partition(" [")
-    return Markup("{}<br>[{}").format(value, ends) if between else cell
+def _in_html(value: str, below: str) -> str:
+    return Markup("{}<br>{}").format(value, below) if below else value
 
 
 def change_figure(joint: JointComparison) -> svg.NotebookFigure:

@@ -51,6 +51,7 @@ def test_worn_friction_is_named_with_its_size(worn):
     assert coulomb.change.ci95[0] < 0.3 * 6.0 < coulomb.change.ci95[1]
     assert joint.floors_then > 3.0 * joint.floors_now
     assert "coulomb changed by" in repr(worn) and "image/png" in worn._repr_html_()
+    assert max(map(len, repr(worn).partition("parameter ")[2].splitlines())) < 130  # 175 with intervals beside values
 
 
 def test_a_dead_zone_that_is_gone_is_told(diagnosed):
