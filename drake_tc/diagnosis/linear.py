@@ -25,11 +25,24 @@ ROUNDING = 1e-9
 
 @dataclass(frozen=True)
 class Prior:
-    """What is known of coefficients (k,) beforehand: mean, standard deviation, and which may not be negative."""
+    """What is known of coefficients (k,) beforehand.
+
+    Attributes:
+        mean, deviation: Of each.
+        positive: Which may not be negative.
+        reach: Standard deviations from the mean beyond which a coefficient is impossible; one number for all, or (k,).
+    """
 
     mean: FloatArray
     deviation: FloatArray
     positive: BoolArray
+    reach: FloatArray | float = np.inf
+
+    @property
+    def bounds(self) -> tuple[FloatArray, FloatArray]:
+        """Least and largest possible values (k,)."""
+        most = self.reach * self.deviation
+        return np.where(self.positive, np.maximum(self.mean - most, 0.0), self.mean - most), self.mean + most
 
     def held_at_zero(self, share: float) -> "Prior":
         """The same coefficients held at 0, up to a share of their standard deviations."""
@@ -37,12 +50,17 @@ class Prior:
 
     def part(self, places: slice | IntArray) -> "Prior":
         """Of these coefficients alone."""
-        return Prior(self.mean[places], self.deviation[places], self.positive[places])
+        return Prior(self.mean[places], self.deviation[places], self.positive[places], self._reaches[places])
 
     @classmethod
     def stacked(cls, parts: "list[Prior]") -> "Prior":
         """Of the coefficients of all parts, one after the other."""
-        return cls(*(np.concatenate([getattr(p, name) for p in parts]) for name in ("mean", "deviation", "positive")))
+        names = ("mean", "deviation", "positive", "_reaches")
+        return cls(*(np.concatenate([getattr(p, name) for p in parts]) for name in names))
+
+    @property
+    def _reaches(self) -> FloatArray:
+        return np.broadcast_to(self.reach, self.mean.shape)
 
 
 @dataclass(frozen=True)
@@ -138,20 +156,22 @@ def log_determinant(hessian: FloatArray) -> float:
 def mode(products: Products, prior: Prior, variance: float) -> FloatArray:
     """The most probable coefficients (k,) under noise of this variance.
 
-    Those that a bound holds are set to 0, all that would be negative at once, until none is.
+    Those that would be beyond a bound are set to it, all at once, until none is.
     """
     precision = variance / prior.deviation**2
     hessian = products.gram + np.diag(precision)
     right = products.moment + precision * prior.mean
     scale = 1.0 / np.sqrt(np.maximum(np.diag(hessian), 1e-300))
     scaled = hessian * np.outer(scale, scale) + JITTER * np.eye(scale.size)
-    beta, free = np.zeros(scale.size), np.ones(scale.size, dtype=bool)
+    (least, most), beta = prior.bounds, np.zeros(scale.size)
+    free = np.ones(scale.size, dtype=bool)
     while True:
-        beta[free] = scale[free] * np.linalg.solve(scaled[np.ix_(free, free)], (scale * right)[free])
-        below = prior.positive & free & (beta < 0.0)
-        if not below.any():
+        rest = scale * (right - hessian[:, ~free] @ beta[~free])
+        beta[free] = scale[free] * np.linalg.solve(scaled[np.ix_(free, free)], rest[free])
+        beyond = free & ((beta < least) | (beta > most))
+        if not beyond.any():
             return beta
-        beta[below], free = 0.0, free & ~below
+        beta[beyond], free = np.clip(beta, least, most)[beyond], free & ~beyond
 
 
 def posterior(

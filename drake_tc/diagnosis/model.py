@@ -18,6 +18,7 @@ from drake_tc.diagnosis.data.samples import rms
 from drake_tc.diagnosis.linear import Prior
 from drake_tc.diagnosis.priors import (
     AGE_PERIODS,
+    AGE_REACH,
     CONTRIBUTION,
     DECLARED_CONTRIBUTION,
     DRIVE_LAG_S,
@@ -221,8 +222,9 @@ class JointModel:
     def nuisances(self, split: Split) -> list[Block]:
         """Columns of ages and averages of channels, of friction near rest off its law, and of what joints share."""
         out, columns = [], split.age_columns(self.ages, self.viscous)
-        for number, (mean, deviation) in enumerate(self.ages.values()):
-            prior = Prior(np.array([mean]), np.array([deviation]), np.zeros(1, dtype=bool))
+        for number, (channel, (mean, deviation)) in enumerate(self.ages.items()):
+            reach = np.inf if channel == "rate" else AGE_REACH  # no delay is one of a servo's damping alone
+            prior = Prior(np.array([mean]), np.array([deviation]), np.zeros(1, dtype=bool), reach)
             out.append(Block(columns[:, [number]], prior))
         out += [self._averaged_channel(split, each) for each in self.averages]
         out.append(self._friction_form(split))

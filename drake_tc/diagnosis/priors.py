@@ -33,6 +33,8 @@ UNIFORM = 1.0 / np.sqrt(12.0)
 """Standard deviation of a uniform prior over its range: an age over one period, a shape over its plausible range."""
 AGE_PERIODS = (0.25, 0.4)
 """Mean and standard deviation of a channel's age over its period: an instant has 0, a hold or an average 1/2."""
+AGE_REACH = 4.0
+"""Standard deviations of its prior beyond which an age is a delay."""
 LATE = float(np.log(0.1))
 """Log prior odds that a channel comes late by another way: a bus, a buffer, another process."""
 LATE_S = 0.003

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scipy.optimize import nnls
+from scipy.optimize import lsq_linear, nnls
 from scipy.stats import multivariate_normal
 
 from drake_tc.diagnosis.linear import Prior, Products, mode, posterior
@@ -43,6 +43,18 @@ def test_coefficients_with_a_bound_are_those_of_non_negative_least_squares() -> 
     u = x @ np.array([1.0, -0.8, 0.5]) + 0.1 * RNG.normal(size=200)
     wide = Prior(np.zeros(3), np.full(3, 1e4), np.ones(3, dtype=bool))
     np.testing.assert_allclose(posterior(Products.of(x, u), wide, 0.01).beta, nnls(x, u)[0], rtol=1e-6, atol=1e-8)
+
+
+@pytest.mark.parametrize("reach", [0.5, 2.0, np.inf])
+def test_coefficients_that_reach_so_far_are_those_of_bounded_least_squares(reach: float) -> None:
+    x, mean, deviation = RNG.normal(size=(200, 3)), np.array([0.2, -0.3, 0.0]), np.array([1.0, 0.4, 1e4])
+    u = x @ np.array([1.0, -0.8, 0.5]) + 0.1 * RNG.normal(size=200)
+    prior = Prior(mean, deviation, np.zeros(3, dtype=bool), np.array([reach, reach, np.inf]))
+    most = prior.reach * deviation
+    both = np.vstack([x / 0.1, np.diag(1.0 / deviation)])
+    expected = lsq_linear(both, np.concatenate([u / 0.1, mean / deviation]), (mean - most, mean + most), tol=1e-14)
+    np.testing.assert_allclose(posterior(Products.of(x, u), prior, 0.01).beta, expected.x, rtol=1e-6, atol=1e-8)
+    assert (np.abs(expected.x - mean) < 0.999 * most).all() == (reach > 1.0)  # no bound acts, or one does
 
 
 def test_products_of_parts_add_up_to_those_of_the_whole() -> None:
