@@ -170,7 +170,8 @@ def drawn_noise(samples: Samples, *, measured: bool) -> list[Samples]:
         changes.append({"load_torque": level.torque_noise * light.smooth(torque)})
     own = max(level.effort_noise, level.effort_step / np.sqrt(12.0))
     if own > 0.0 or level.command_scatter > 0.0:
-        noise = light.smooth(third * np.hypot(own, level.command_scatter * s.velocity))
+        moving = level.command_scatter * s.velocity  # a part of the mean square of all
+        noise = light.smooth(third * np.sqrt(np.maximum(own**2 - np.mean(moving**2), 0.0) + moving**2))
         changes.append({"effort": noise} | ({"command": noise} if samples.floor.servo else {}))
     return [
         replace(
