@@ -149,6 +149,32 @@ def test_the_drawn_noise_of_a_pendulum_s_load_is_that_between_two_logs_of_one_mo
         assert np.std(new - own) == pytest.approx(np.std(two - own) / np.sqrt(2.0), rel=0.15)
 
 
+def test_the_drawn_noise_of_a_goal_is_that_between_two_logs_of_one_motion(hold: float = 8e-3) -> None:
+    """Two logs that differ in what is white of the goal, and in its age, which is any within the time of its hold.
+
+    The estimate leaves out the largest twentieth of the differences, which may be steps, and so lies an eighth below.
+    """
+    rig = parse_rig({"joint": "joint", "drive": "position_servo", "load": {"pendulum": {"mass": 1.5, "length": 0.3}}})
+    time = np.arange(0.0, 60.0, 4e-3)
+
+    def moving(at: FloatArray) -> FloatArray:
+        return np.asarray(0.6 * np.sin(2.0 * np.pi * 0.3 * at) + 0.1 * np.sin(2.0 * np.pi * 1.1 * at))
+
+    def samples(seed: int) -> Samples:
+        random = np.random.default_rng(seed)
+        goal = moving(time - hold * random.random(time.size)) + 3e-4 * random.normal(size=time.size)
+        position = moving(time - 0.01) + 1e-5 * np.random.default_rng(9).normal(size=time.size)
+        columns = {"joint/position": position, "joint/position_command": goal}
+        run = Run("run", None, time, 4e-3, columns, np.zeros(time.size, dtype=int))
+        return build_samples([run], rig, "joint", 0.05, 0.05)
+
+    one, other = samples(1), samples(2)
+    inner = slice(4 * one.light.margin, -4 * one.light.margin)
+    drawn = drawn_noise(one, measured=False)[1].signals
+    own, two, new = (each.effort[inner] for each in (one.signals, other.signals, drawn))
+    assert np.std(new - own) == pytest.approx(np.std(two - own) / np.sqrt(2.0), rel=0.13)
+
+
 def test_a_turn_between_two_samples_counts_as_near_rest_by_the_squared_kernel() -> None:
     """Friction that turns at any instant within a period errs by a pulse, which both filters pass."""
     period, turn = 0.04, 400

@@ -56,7 +56,6 @@ WRONG: frozenset[str] = frozenset(
         "timing: a goal one cycle late beyond its hold",
         "timing: a late goal and an undeclared rotor are told from a lag",
         "timing: a torque with spikes from a topic of 60 Hz in a log of 200 Hz",
-        "timing: goals 40 ms late beside another clock",
         "timing: half a hold of a goal at 500 Hz is no delay",
         "timing: the same goal is late where the rig file states the hold",
     }
