@@ -21,7 +21,7 @@ def timing_holds(evidence: Evidence, scored: Scored) -> tuple[Scored, tuple[Term
     A lag of the recorded effort can explain noise of the effort, and one of the effort that the model needs can explain
     noise of the load. What acts in the drive is seen by both. A delay passes all noise and explains none. With and
     without the lag, the noise is what each leaves: that of the lag is coloured by it. Either way the logs must tell the
-    lag from none.
+    lag from none; noise that distorts the fit without it is no explanation (`Evidence.rank`).
     """
     dropped: list[Term] = []
     for share in (0.0, 1.0):
@@ -30,8 +30,8 @@ def timing_holds(evidence: Evidence, scored: Scored) -> tuple[Scored, tuple[Term
             rest = [t for t in scored.terms if t is not term]
             shared = Evidence(evidence.model.with_share(share), evidence.noise, evidence.spread)
             each = [(shared.heard(terms), terms) for terms in (scored.terms, rest)]
-            odds = [own.refined(own.score(terms)).log_odds for own, terms in each]
-            if odds[0] < odds[1] + ALTERNATIVE:
+            (sound, odds), (sound_without, less) = (own.rank(own.refined(own.score(terms))) for own, terms in each)
+            if (sound, odds) < (sound_without, less + ALTERNATIVE):
                 dropped.append(term)
                 scored = evidence.refined(evidence.score(rest))
     return scored, tuple(dropped)
