@@ -63,7 +63,7 @@ def test_a_wrong_drive_gain_contributes_its_error_of_the_effort_that_the_load_ne
 @pytest.mark.parametrize("error", [pytest.param(-0.35, marks=pytest.mark.slow), 0.3])
 def test_a_wrong_scale_of_the_sensor_does_not_change_the_delay_beside_it(error):
     """The balance at a held drive gain has the effort that acts, not the recorded one, which is earlier."""
-    joint, late = replace(Joint(period=4e-3, torque_noise=0.05), sensor=lambda m: error * m.tau), 0.012
+    joint, late = replace(Joint(torque_noise=0.05), sensor=lambda m: error * m.tau), 0.012
 
     def recorded(name, phase, seed):
         run = record(joint, name, phase, seed=seed)
@@ -80,4 +80,4 @@ def test_a_wrong_scale_of_the_sensor_does_not_change_the_delay_beside_it(error):
     parameters = {name: p for e in result.effects for name, p in e.parameters.items()}
     low, high = parameters["gain_error"].ci95
     assert low <= error <= high
-    assert abs(parameters["delay"].value - late) < 0.25e-3  # a sixteenth of a sample
+    assert abs(parameters["delay"].value - late) < 0.25e-3  # a quarter of a sample
