@@ -21,7 +21,6 @@ from drake_tc.diagnosis.priors import (
     ALTERNATIVE,
     CANNOT_TELL,
     DECLARED_CONTRIBUTION,
-    DISTORTED,
     NAMED_FLOORS,
     TAKEN_OVER,
 )
@@ -40,9 +39,20 @@ from drake_tc.diagnosis.result.joint_result import (
     FoundEffect,
     JointResult,
     RejectedEffect,
+    Rejection,
     Withdrawal,
 )
-from drake_tc.diagnosis.search import Found, Progress, Sets, find, possible, pruned, settled
+from drake_tc.diagnosis.search import (
+    Found,
+    Progress,
+    Sets,
+    find,
+    possible,
+    pruned,
+    settled_if_sound,
+    why_impossible,
+    worth,
+)
 from drake_tc.diagnosis.split import Split, with_needed
 from drake_tc.effects.base import Context, Effect
 from drake_tc.effects.context import Obstacle
@@ -80,7 +90,7 @@ def diagnose_joint(
     model = joint_model(prepared)
     asked = asked_of(prepared, options)
     found = find(Evidence(model).heard(model.declared, spread=False), asked.usable, progress)
-    return joint_result(decided(found), asked, rig, joint, options, progress, executor)
+    return joint_result(decided(found, asked.usable), asked, rig, joint, options, progress, executor)
 
 
 @dataclass(frozen=True)
@@ -109,12 +119,21 @@ def candidates(
 
 @dataclass(frozen=True, eq=False)
 class Decided:
-    """A search's result after all decisions: the set, terms that did not hold and why, and the noise floor [effort]."""
+    """A search's result after all decisions.
+
+    Attributes:
+        found: What the search found; its evidence is that of the set.
+        best: The set.
+        dropped: Terms that did not hold, and why.
+        floor: Noise floor [effort].
+        tried: What other effects would be worth beside the set.
+    """
 
     found: Found
     best: Scored
     dropped: tuple[tuple[Term, Withdrawal], ...]
     floor: float
+    tried: tuple[RejectedEffect, ...] = ()
 
 
 def asked_of(prepared: Prepared, options: DiagnosisOptions) -> Asked:
@@ -124,16 +143,63 @@ def asked_of(prepared: Prepared, options: DiagnosisOptions) -> Asked:
     return Asked(*candidates([*looked_for(context, options.effects), *rare], context, prepared.declared))
 
 
-def decided(found: Found) -> Decided:
-    """The most probable set without effects that do not hold, and without those that are too small."""
-    evidence, best = _resettled(found.evidence, found.best, pruned(found.evidence, found.best))
+def decided(found: Found, effects: Sequence[Effect]) -> Decided:
+    """The most probable set whose effects all hold, and beside which none of the other `effects` does."""
+    decision, gone = _held(found, found.best), dict[str, tuple[Term, Withdrawal]]()
+    while True:
+        gone |= {term.effect.key: (term, why) for term, why in decision.dropped}
+        named = {t.effect.id for t in decision.best.terms}
+        others = [e for e in effects if e.id not in named and e.key not in gone]
+        more, tried = _beside(decision, others, gone)
+        if more is None:
+            dropped = tuple(each for each in gone.values() if each[0].effect.id not in named)
+            return replace(decision, dropped=dropped, tried=tried)
+        decision = more
+
+
+def _beside(
+    decision: Decided, effects: Sequence[Effect], gone: dict[str, tuple[Term, Withdrawal]]
+) -> tuple[Decided | None, tuple[RejectedEffect, ...]]:
+    """The decision with an effect more that is asked for beside its set and holds, and those that are not asked for.
+
+    `gone` takes effects that are asked for and do not hold.
+    """
+    evidence, best = decision.found.evidence, decision.best
+    sets, residual = Sets(evidence, effects), evidence.residual(evidence.model.train, best)
+    left, tried = rms(evidence.residual(evidence.model.held, best)), []
+    each = [(effect, *worth(evidence, best, sets.best_start(best, effect, residual)[1])) for effect in effects]
+    for effect, larger, odds in sorted(each, key=lambda one: -one[2]):
+        impossible = odds >= ALTERNATIVE and not possible(*larger)
+        if odds >= ALTERNATIVE and not impossible:
+            held = _held(Found(larger[0], larger[1], ()), larger[1])
+            if effect.key in held.best.ids:
+                return held, ()
+            gone |= {t.effect.key: (t, why) for t, why in held.dropped if t.effect.key == effect.key}
+        if effect.key not in gone:
+            gain = 1.0 - rms(larger[0].residual(larger[0].model.held, larger[1])) / max(left, 1e-300)
+            reason: Rejection = "not_possible" if impossible else "too_little_evidence"
+            why = (why_impossible(*larger) or NO_DRIVE).rstrip(".") if impossible else ""
+            tried.append(RejectedEffect(effect.key, effect.id, reason, why, odds, gain))
+    return None, tuple(tried)
+
+
+NO_DRIVE = "nothing would be left of the effort"
+"""Why a fit is impossible whose drive gain is 0."""
+
+
+def _held(found: Found, best: Scored) -> Decided:
+    """A set without effects that do not hold, and without those that are too small."""
+    evidence, best = pruned(found.evidence, best)
     without, noisy = timing_holds(evidence, best)
-    evidence, best = _resettled(evidence, best, pruned(evidence, without))
+    if noisy:
+        evidence, best = pruned(*settled_if_sound(evidence, without))
     without, dropped = confirmed(evidence, best)
-    evidence, best = _resettled(evidence, best, pruned(evidence, without))
+    if dropped:
+        evidence, best = pruned(*settled_if_sound(evidence, without))
     floor = noise_floor(evidence.model.train.recorded, _fit(evidence, evidence.model.train, best))
     without, small = _large_enough(evidence, best, floor)
-    evidence, best = _resettled(evidence, best, without)
+    if small:
+        evidence, best = settled_if_sound(evidence, without)
     why: dict[Withdrawal, Sequence[Term]] = {
         "noise_of_one_channel": noisy,
         "worse_on_held_out": dropped,
@@ -145,14 +211,6 @@ def decided(found: Found) -> Decided:
         tuple((term, word) for word, terms in why.items() for term in terms),
         floor,
     )
-
-
-def _resettled(evidence: Evidence, before: Scored, after: Scored) -> tuple[Evidence, Scored]:
-    """The evidence under the noise of a set and at its linearisation, where effects went and what is left is noise."""
-    if after.ids == before.ids:
-        return evidence, after
-    own, refined = settled(evidence, after)
-    return (own, refined) if own.distortion(refined) <= DISTORTED else (evidence, after)
 
 
 def joint_result(
@@ -201,7 +259,7 @@ def joint_result(
         before=Errors(rms(splits[0].before), rms(splits[1].before), None),
         after=Errors(rms(splits[0].after), rms(splits[1].after), None),
         effects=effects,
-        rejected=_rejected(evidence, best, asked),
+        rejected=_rejected(decision, asked),
         indistinguishable=alternatives,
         next_experiment=next_experiment(alternatives, unexplained, among_joints=len(rig.joints) > 1),
         unexplained=unexplained,
@@ -332,28 +390,18 @@ def _effects(evidence: Evidence, best: Scored, found: Found) -> tuple[FoundEffec
     return tuple(sorted(out, key=lambda e: -e.heldout_gain))
 
 
-def _rejected(evidence: Evidence, best: Scored, asked: Asked) -> tuple[RejectedEffect, ...]:
-    taken = {t.effect.id for t in best.terms}
-    sets, residual = Sets(evidence, asked.usable), evidence.residual(evidence.model.train, best)
-    rest = evidence.score(best.terms)
-    left = rms(evidence.residual(evidence.model.held, rest))
+def _rejected(decision: Decided, asked: Asked) -> tuple[RejectedEffect, ...]:
+    """Effects that are neither in the set nor were withdrawn, each id in its most probable form."""
+    told = {t.effect.id for t in (*decision.best.terms, *(term for term, _ in decision.dropped))}
     out: dict[str, RejectedEffect] = {}
-    for effect in asked.usable:
-        if effect.id not in taken and effect.id not in out:
-            out[effect.id] = _tried(sets.best_start(best, effect, residual)[1], evidence, rest, left)
+    for each in sorted(decision.tried, key=lambda tried: -tried.log_odds):
+        if each.id not in told:
+            out.setdefault(each.id, each)
     for key, obstacle in asked.obstacles:
         name = key.split(".")[0]
-        if name not in out and name not in taken:
+        if name not in out and name not in told:
             out[name] = RejectedEffect(key, name, obstacle.reason, obstacle.statement)
     return tuple(out.values())
-
-
-def _tried(term: Term, evidence: Evidence, rest: Scored, left: float) -> RejectedEffect:
-    """What one more effect would be worth beside a set that leaves `left` (RMS) of the held-out rows."""
-    more = evidence.score([*rest.terms, term])
-    gain = 1.0 - rms(evidence.residual(evidence.model.held, more)) / max(left, 1e-300)
-    effect, odds = term.effect, more.log_odds - rest.log_odds
-    return RejectedEffect(effect.key, effect.id, "too_little_evidence", "", odds, gain)
 
 
 def _did_not_hold(dropped: Sequence[tuple[Term, Withdrawal]]) -> tuple[DidNotHold, ...]:

@@ -106,15 +106,21 @@ class Evidence:
         return rows.whitened(np.zeros((rows.samples.rows.size, 1)), self.noise)[1]
 
     @cached_property
-    def noise_gain(self) -> float:
-        """Mean square of the noise of effort and load after the whitening over that before; 1 without noise."""
-        train, sizes = self.model.train, np.zeros(2)
-        for noisy in train.noisy:
-            load = noisy.recorded.target - train.recorded.target
-            change = self.model.gain * load - (noisy.recorded.effort(()) - train.recorded.effort(()))
-            each = (train.rows.whitened(change, noise)[0] for noise in (self.noise, NoiseModel()))
-            sizes += [float(np.mean(white**2)) for white in each]
-        return float(sizes[0] / sizes[1]) if sizes[1] > 0.0 else 1.0
+    def _alike(self) -> "Evidence":
+        return Evidence(self.model, NoiseModel(), self.spread)
+
+    def noise_gain(self, scored: Scored) -> float:
+        """Mean square of the sensors' noise in what a set leaves after the whitening over that before; 1 without."""
+        size, shapes = scored.coefficients, scored.shapes
+        b = np.concatenate([scored.b, scored.posterior.beta[size + shapes :]])
+        white, own = (each._noise_left(scored.terms, b) for each in (self, self._alike))
+        return white / own if own > 0.0 else 1.0
+
+    def _noise_left(self, terms: Sequence[Term], b: FloatArray) -> float:
+        """Mean square of the sensors' whitened noise in what a set leaves at coefficients b (m,)."""
+        gram, moment, square = self.noise_products(terms)
+        rows = self.noise.share * self.model.train.rows.index.size
+        return max(float(b @ gram @ b - 2.0 * b @ moment + square), 0.0) / rows
 
     def design(self, split: Split, terms: Sequence[Term], spread: RunSpread | None = None) -> tuple[FloatArray, Prior]:
         """Whitened columns (n, m) of the drive gain, terms, ages and runs, and their prior; `spread` of the runs."""

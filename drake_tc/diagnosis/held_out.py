@@ -1,13 +1,11 @@
 """Whether a set of effects holds: the pooled predictive density of the held-out runs must not fall."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
 
 from drake_tc.diagnosis.evidence import Evidence, Scored
-from drake_tc.diagnosis.model import RunSpread
 from drake_tc.diagnosis.priors import ALTERNATIVE, FALLS
 from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.diagnosis.search import equally_noisy, settled
@@ -19,9 +17,9 @@ def timing_holds(evidence: Evidence, scored: Scored) -> tuple[Scored, tuple[Term
     """The set without lags of the effort that only the noise of one channel asks for, and these.
 
     A lag of the recorded effort can explain noise of the effort, and one of the effort that the model needs can explain
-    noise of the load. What acts in the drive is seen by both. A delay passes all noise and explains none. With and
-    without the lag, the noise is what each leaves: that of the lag is coloured by it. Either way the logs must tell the
-    lag from none; noise that distorts the fit without it is no explanation (`Evidence.rank`).
+    noise of the load. What acts in the drive is seen by both. A delay passes all noise and explains none. Either way
+    the logs must tell the lag from none under the noise that is left without it; the set with the lag, whose noise it
+    colours, may have either. Noise that distorts the fit without it is no explanation (`Evidence.rank`).
     """
     dropped: list[Term] = []
     for share in (0.0, 1.0):
@@ -29,9 +27,10 @@ def timing_holds(evidence: Evidence, scored: Scored) -> tuple[Scored, tuple[Term
         for term in [t for t in lags if not evidence.model.is_declared(t.effect)]:
             rest = [t for t in scored.terms if t is not term]
             shared = Evidence(evidence.model.with_share(share), evidence.noise, evidence.spread)
-            each = [(shared.heard(terms), terms) for terms in (scored.terms, rest)]
-            (sound, odds), (sound_without, less) = (own.rank(own.refined(own.score(terms))) for own, terms in each)
-            if (sound, odds) < (sound_without, less + ALTERNATIVE):
+            noises = [shared.heard(terms) for terms in (scored.terms, rest)]
+            with_lag = max(own.rank(own.refined(own.score(scored.terms))) for own in noises)
+            without = noises[1].rank(noises[1].refined(noises[1].score(rest)))
+            if with_lag < (without[0], without[1] + ALTERNATIVE):
                 dropped.append(term)
                 scored = evidence.refined(evidence.score(rest))
     return scored, tuple(dropped)
@@ -42,17 +41,15 @@ def confirmed(evidence: Evidence, scored: Scored) -> tuple[Scored, tuple[Term, .
 
     All held-out runs count together: no run has a veto. What the training runs hardly ask for must not be less
     probable by training and held-out runs together. Effects that take each other's place hide each other's fault,
-    so that every part of the set is tried, not only what is left when one effect goes. Three noise models are
-    asked: that of the set, one in which rows count alike, because a whitened error can fall while the error itself
-    grows, and one in which runs and rows near rest are alike too, as the errors of the report have it.
+    so that every part of the set is tried, not only what is left when one effect goes. Two noise models are asked: that
+    of the set, and one in which rows count alike, because a whitened error can fall while the error itself grows.
     """
     dropped: list[Term] = []
     while True:
         asked = [t for t in scored.terms if not evidence.model.is_declared(t.effect)]
         parts = [gone for count in range(len(asked) + 1) for gone in combinations(asked, count)]
         gains = np.zeros(len(parts))
-        alike = evidence.tempered(scored.terms)
-        for noise in (evidence, alike, replace(evidence.tempered(scored.terms, rest=False), spread=RunSpread())):
+        for noise in (evidence, evidence.tempered(scored.terms)):
             variance = noise.score(scored.terms).posterior.variance
             left = [[t for t in scored.terms if t not in gone] for gone in parts]
             density = np.array([noise.predictive(rest, variance) for rest in left])

@@ -174,22 +174,27 @@ class Sets:
 
 
 def possible(evidence: Evidence, scored: Scored) -> bool:
-    """Whether every asked parameter lies in its physically possible range.
-
-    The torques that limit it are those of the larger drive gain: without a drive, any load would be possible.
-    """
+    """Whether every asked parameter lies in its physically possible range, see `why_impossible`."""
     fit, model = as_fit(scored), evidence.model
     if not np.isfinite(fit.beta).all():
         return False
-    named = physical_parameters(fit)
-    if min(scored.b[0], named["drive"]["gain"]) <= model.least_gain:
+    if min(scored.b[0], physical_parameters(fit)["drive"]["gain"]) <= model.least_gain:
         return False
+    return not why_impossible(evidence, scored)
+
+
+def why_impossible(evidence: Evidence, scored: Scored) -> str:
+    """Which asked parameter lies outside of its physically possible range, as a sentence; "" where none does.
+
+    The torques that limit it are those of the larger drive gain: without a drive, any load would be possible.
+    """
+    model, named = evidence.model, physical_parameters(as_fit(scored))
     known = {"gain": max(named["drive"]["gain"], model.gain)} | {
         name: named[name][name] for name in ("viscous", "coulomb") if name in named
     }
     context = replace(model.context, fitted=known)
     asked = [t for t in scored.terms if not model.is_declared(t.effect)]
-    return not any(implausible(t.effect, named[t.effect.key], context) for t in asked)
+    return next((why for t in asked if (why := implausible(t.effect, named[t.effect.key], context))), "")
 
 
 def as_fit(scored: Scored) -> Fit:
@@ -291,11 +296,12 @@ def equally_noisy(
     """The sets with the odds that they have if all let as much of the sensors' noise through as the loudest one.
 
     A set that lets less through, by a small drive gain or by noise that cancels, leaves less without explaining more.
-    Sets with noise models of their own are compared by the white noise that they tell of effort and load. The noise of
-    a set counts against a part of itself only if it is in what the set leaves, and less is left beside it.
+    Sets with noise models of their own are compared by the noise before their whitening. The noise of a set counts
+    against a part of itself only if it is in what the set leaves, and less is left beside it.
     `trusted`: which may count as the loudest one; None takes all of some odds.
     """
-    left = [s.left / evidence.noise_gain for evidence, s in sets]
+    alike = all(evidence.noise == sets[0][0].noise for evidence, _ in sets)
+    left = [s.left / (1.0 if alike or not s.passed else evidence.noise_gain(s)) for evidence, s in sets]
     noise = [s.passed * n for n, (_, s) in zip(left, sets, strict=True)]
     counts = trusted or [True] * len(sets)
     loud = [
@@ -423,16 +429,51 @@ def _on_its_way(ages: Sequence[Mapping[str, float]], priors: Mapping[str, tuple[
     return abs(last[most]) > STILL and last[most] * before[most] > 0.0
 
 
-def pruned(evidence: Evidence, scored: Scored) -> Scored:
-    """The set without the effects that are not probable enough to be named, the least probable one first."""
+def pruned(evidence: Evidence, scored: Scored) -> Compared:
+    """The set without the effects that are not probable enough to be named, the least probable one first.
+
+    Each set has its own noise and its own ages, where what is left is noise.
+    """
+    best = evidence, scored
     while True:
+        evidence, scored = best
         asked = [t for t in scored.terms if not evidence.model.is_declared(t.effect)]
-        smaller = [evidence.refined(evidence.score([t for t in scored.terms if t is not each])) for each in asked]
-        odds = [each.log_odds for _, each in equally_noisy([(evidence, each) for each in (scored, *smaller)])]
-        best = int(np.argmax(odds[1:])) if asked else 0
-        if not asked or odds[1 + best] <= odds[0] - ALTERNATIVE:
-            return scored
-        scored = smaller[best]
+        smaller = [evidence.score([t for t in scored.terms if t is not each]) for each in asked]
+        own = [settled_if_sound(evidence, evidence.refined(each)) for each in smaller]
+        odds = [more_probable(best, each) for each in own]
+        if not odds or min(odds) >= ALTERNATIVE:
+            return best
+        best = own[int(np.argmin(odds))]
+
+
+def settled_if_sound(evidence: Evidence, scored: Scored) -> Compared:
+    """A set under the noise and the latent effort that it means, or as it is where what it leaves is no noise."""
+    own = settled(evidence, scored)
+    return own if own[0].distortion(own[1]) <= DISTORTED else (evidence, scored)
+
+
+def more_probable(one: Compared, other: Compared) -> float:
+    """Log odds of one set over the other, at equal noise."""
+    (_, first), (_, second) = equally_noisy([one, other])
+    return first.log_odds - second.log_odds
+
+
+def worth(evidence: Evidence, best: Scored, term: Term) -> tuple[Compared, float]:
+    """A set with one more term, and its log odds over the set without it.
+
+    Each has its own noise where the odds under that of the smaller set would name the effect; where what is left is no
+    noise, rows count alike.
+    """
+    larger = evidence, evidence.refined(evidence.score([*best.terms, term]))
+    odds = more_probable(larger, (evidence, best))
+    if odds < ALTERNATIVE or not possible(*larger):
+        return larger, odds
+    larger = settled(*larger)
+    if larger[0].distortion(larger[1]) <= DISTORTED:
+        return larger, more_probable(larger, settled(evidence, best))
+    alike = Evidence(evidence.model).tempered(larger[1].terms)
+    with_term, without = (alike.refined(alike.score(s.terms)) for s in (larger[1], best))
+    return larger, with_term.log_odds - without.log_odds
 
 
 def _beam(sets: Sets, starts: Iterable[Scored]) -> list[Scored]:

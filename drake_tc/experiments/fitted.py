@@ -196,7 +196,8 @@ def fitted_joint(
     asked = asked_of(searched, DiagnosisOptions(effects=None if library is None else tuple(library)))
     model, late = joint_model(prepared), LateEffort()
     own = (late,) if effects is None and late.unavailable(prepared.context) is None else ()
-    decision = decided(find(Evidence(model).heard(model.declared, spread=False), (*asked.usable, *own)))
+    sought = (*asked.usable, *own)
+    decision = decided(find(Evidence(model).heard(model.declared, spread=False), sought), sought)
     return FittedJoint(
         prepared,
         decision.found.evidence,

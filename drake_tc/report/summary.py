@@ -64,8 +64,7 @@ def _say_found(console: Console, found: CloseLoopResult | JointResult) -> None:
     if isinstance(found, JointResult):
         _say_joint(console, found)
         return
-    verdict = words.WRONG_SET_UP if found.has_wrong_set_up else words.VERDICTS[found.verdict]
-    console.print(f"[bold]verdict[/bold]: {verdict} ({found.verdict})")
+    console.print(f"[bold]verdict[/bold]: {words.verdict_words(found)} ({found.verdict})")
     say_result(console, found)
 
 

@@ -14,7 +14,7 @@ from drake_tc.diagnosis.data.resolution import Resolution
 from drake_tc.diagnosis.problem.parameters import Estimate, PlausibleRange
 from drake_tc.diagnosis.residual.unexplained import DataSplit
 from drake_tc.diagnosis.result.errors import MODELS, position_errors
-from drake_tc.diagnosis.result.joint_result import DidNotHold, JointResult, RejectedEffect
+from drake_tc.diagnosis.result.joint_result import DidNotHold, JointResult, RejectedEffect, Rejection
 from drake_tc.report.numbers import (
     NOT_IDENTIFIED,
     UNKNOWN,
@@ -207,13 +207,17 @@ def data_facts(joint: JointResult) -> Sequence[tuple[str, str]]:
     )
 
 
+TRIED: tuple[Rejection, ...] = ("too_little_evidence", "not_possible")
+"""Why effects that were tried are not in a model."""
+
+
 def rejected_rows(rejected: Sequence[RejectedEffect]) -> tuple[Sequence[Row], Sequence[Row]]:
     """(tried and not added, could not be looked for in these logs)."""
     tried: list[Row] = []
     barred: list[Row] = []
     for r in rejected:
         row = {"title": title_of(r.key), "id": r.id, "heldout": percent(r.heldout_gain), "why": why_rejected(r)}
-        (barred if r.obstacle else tried).append(row)
+        (tried if r.reason in TRIED else barred).append(row)
     return tried, barred
 
 

@@ -100,9 +100,15 @@ def signal_range(name: str, low: float, high: float, units: JointUnits, effort: 
     return f"{scale.text(low)} to {scale.quantity(high)}"
 
 
-def verdict_words(joint: JointResult) -> str:
-    """The verdict on one joint."""
-    return WRONG_SET_UP if joint.set_up_wrong else VERDICTS[joint.verdict]
+def verdict_words(found: JointResult | CloseLoopResult) -> str:
+    """The verdict on one joint, or on all joints of a rig."""
+    if isinstance(found, JointResult):
+        wrong, named = found.set_up_wrong, len(found.effects)
+    else:
+        wrong, named = found.has_wrong_set_up, len(found.shared) + sum(len(j.effects) for j in found.joints.values())
+    if wrong:
+        return WRONG_SET_UP
+    return "Missing effects found" if found.verdict == "effects_found" and named > 1 else VERDICTS[found.verdict]
 
 
 def floors_left(joint: JointResult) -> float:
@@ -258,7 +264,8 @@ def _gear_not_looked_for(joint: JointResult) -> str:
 
 
 def _near(joint: JointResult) -> str:
-    best = max(joint.rejected, key=lambda each: each.heldout_gain, default=None)
+    tried = [each for each in joint.rejected if each.reason == "too_little_evidence"]
+    best = max(tried, key=lambda each: each.heldout_gain, default=None)
     if best is None or not best.heldout_gain >= NEAR:
         return f", and no effect that could be looked for has this form{_unseen(joint)}"
     return (

@@ -9,6 +9,7 @@ from drake_tc.diagnosis.diagnose import joint_model
 from drake_tc.diagnosis.evidence import Evidence, Scored
 from drake_tc.diagnosis.intervals import CRITICAL
 from drake_tc.diagnosis.model import RunSpread
+from drake_tc.diagnosis.noise import NoiseModel
 from drake_tc.diagnosis.priors import NAMED
 from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.diagnosis.problem.prepared import prepare_joint
@@ -16,7 +17,7 @@ from drake_tc.diagnosis.search import equally_noisy
 from drake_tc.effects.deadzone import Deadzone
 from drake_tc.effects.load_dependent_friction import LoadDependentFriction
 from drake_tc.effects.payload import Payload
-from tests.diagnosis.rigs import Joint, record, rig_of
+from tests.diagnosis.rigs import Joint, record, rig_of, servo
 
 NOISE = 1.5
 """Of the torque sensor [N m], a quarter of the torque's RMS, before the filters."""
@@ -107,9 +108,21 @@ def test_a_set_without_the_load_that_leaves_as_much_is_less_probable_by_the_nois
     loud, less = (each.log_odds for _, each in equally_noisy([(evidence, refined), (evidence, quiet)]))
     samples = evidence.model.train.samples
     taps = np.convolve(samples.light.kernels[0], samples.kernel.kernels[0])
-    passed = (Joint().gain * NOISE) ** 2 * float(taps @ taps) * evidence.noise_gain
+    passed = (Joint().gain * NOISE) ** 2 * float(taps @ taps) * evidence.noise_gain(refined)
     rows = evidence.noise.share * evidence.model.train.rows.index.size
     assert loud - less == pytest.approx(0.5 * rows * np.log1p(passed / refined.left), rel=0.25)
+
+
+@pytest.mark.parametrize("joint", [Joint(torque_noise=NOISE), servo(encoder_noise=3e-4)])
+def test_how_much_noise_a_set_lets_through_does_not_depend_on_the_whitening(joint: Joint) -> None:
+    """Else a discrepancy that another set leaves would count as sensors that are louder or quieter."""
+    evidence, scored = _heard(joint)
+    passed = []
+    for noise in (NoiseModel(), NoiseModel(ratio=3.0, memory=3.0), NoiseModel(ratio=1.0, memory=0.1, moving=1.0)):
+        own = Evidence(evidence.model, noise, evidence.spread)
+        refined = own.refined(own.score(scored.terms))
+        passed.append(refined.passed * refined.left / own.noise_gain(refined))
+    assert passed == pytest.approx([passed[0]] * 3, rel=0.03)
 
 
 def test_the_density_of_effort_and_load_is_that_of_the_load_where_the_effort_has_no_noise(

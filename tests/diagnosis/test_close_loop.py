@@ -9,12 +9,16 @@ import pytest
 from numpy.testing import assert_allclose
 
 from drake_tc.actuation.model_file import load_models
-from drake_tc.diagnosis.diagnose import diagnose_joint
+from drake_tc.diagnosis.diagnose import decided, diagnose_joint, joint_model
+from drake_tc.diagnosis.evidence import Evidence
 from drake_tc.diagnosis.options import DiagnosisOptions
+from drake_tc.diagnosis.priors import ALTERNATIVE
+from drake_tc.diagnosis.problem.prepared import prepare_joint
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.models import model_of, models_of
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult
 from drake_tc.diagnosis.run import close_loop
+from drake_tc.diagnosis.search import Found
 from drake_tc.effects.library import effect
 from drake_tc.errors import DrakeTcError, IdentificationError
 from drake_tc.report.data_files import result_json
@@ -53,6 +57,27 @@ def result_of(*joints: JointResult) -> CloseLoopResult:
 @pytest.fixture(scope="module")
 def found() -> JointResult:
     return diagnose(NOISY, replace(only(*SOME), assess_residual=True))
+
+
+def test_an_effect_that_the_search_missed_is_added_to_its_result():
+    runs = [record(NOISY, "one"), record(NOISY, "two", 0.9, 1), record(NOISY, "held", 2.3, 2)]
+    prepared = prepare_joint(runs[:2], runs[2:], rig_of(NOISY), "joint")
+    model = joint_model(prepared)
+    evidence = Evidence(model).heard(model.declared, spread=False)
+    nothing = Found(evidence, evidence.refined(evidence.score(model.declared)), ())
+    decision = decided(nothing, [effect(key) for key in ("stribeck", "quadratic_viscous")])
+    assert decision.best.ids - {t.effect.key for t in model.declared} == {"quadratic_viscous"}
+    assert [(each.key, each.reason) for each in decision.tried] == [("stribeck", "too_little_evidence")]
+    assert decision.tried[0].log_odds < 0.0
+
+
+def test_an_effect_that_only_an_impossible_value_would_name_is_not_added_and_the_value_is_told():
+    unstable = diagnose(replace(NOISY, extra=lambda m: -1.5 * m.q), only("cable_spring"))
+    (rejected,) = (each for each in unstable.rejected if each.key == "cable_spring")
+    assert unstable.effects == ()
+    assert rejected.reason == "not_possible"
+    assert rejected.log_odds > ALTERNATIVE
+    assert rejected.obstacle.startswith("spring_stiffness is -1.5")
 
 
 def test_the_missing_effect_is_found_and_its_value_is_right(found):

@@ -110,7 +110,7 @@ def test_plots_follow_the_pages_colours(html: str) -> None:
 
 
 def test_sections_come_in_the_readers_order(page: Page) -> None:
-    wanted = ["Missing effect found", "Errors", "What was missing", "Measured and modelled effort", "Residual"]
+    wanted = ["Missing effects found", "Errors", "What was missing", "Measured and modelled effort", "Residual"]
     wanted += ["Spectrum", "Correlation", "Free run", "Equations", "Parameters"]
     wanted += ["What is left", "What was not added", "Data", "The models’ difference", "How the figures are computed"]
     found = [next(i for i, h in enumerate(page.headings) if h.startswith(w)) for w in wanted]

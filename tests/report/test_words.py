@@ -13,6 +13,7 @@ from drake_tc.diagnosis.residual.unexplained import SEVERITY, BeyondTraining, Sh
 from drake_tc.diagnosis.result.joint_result import Errors, JointResult, RejectedEffect, Withdrawal
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult, SharedEffect
 from drake_tc.report.notes import warnings
+from drake_tc.report.tables import rejected_rows
 from drake_tc.report.words import (
     REASONS,
     VERDICTS,
@@ -340,6 +341,9 @@ def test_an_effect_that_was_tried_is_told_with_its_log_odds_and_another_with_its
     assert why_rejected(tried) == f"its log odds are −1.2, at least {ALTERNATIVE:+g} is required"
     barred = RejectedEffect("delay", "delay", "not_recorded", "temperature not recorded")
     assert why_rejected(barred) == "temperature not recorded"
+    impossible = RejectedEffect("saturation", "saturation", "not_possible", "limit is 8 A", 40.0, 0.5)
+    assert why_rejected(impossible) == "limit is 8 A"
+    assert [each["id"] for each in rejected_rows([barred, impossible])[0]] == ["saturation"]
 
 
 @pytest.mark.parametrize(

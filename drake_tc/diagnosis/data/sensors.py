@@ -127,11 +127,15 @@ def scatter(values: FloatArray, segments: Sequence[slice]) -> float:
     for order in ORDERS:
         squares = np.sort(_differences(own, order) ** 2)
         found.append(float(np.sqrt(np.mean(squares[: max(1, round((1.0 - STEPS) * squares.size))]))))
-    return float(np.sqrt(held)) * min(found)
+    return float(np.sqrt(held)) * _without_lines(own, min(found))
 
 
 def _white_noise(stretches: Sequence[FloatArray]) -> float:
-    level = 1.4826 * float(np.median(np.abs(_differences(stretches, ORDERS[0]))))
+    return _without_lines(stretches, 1.4826 * float(np.median(np.abs(_differences(stretches, ORDERS[0])))))
+
+
+def _without_lines(stretches: Sequence[FloatArray], level: float) -> float:
+    """Standard deviation of white noise: that of the differences, or of what is between lines that hold most of it."""
     between = between_lines(stretches)
     return between if between < MOSTLY_LINES * level else level
 

@@ -29,7 +29,7 @@ Withdrawal = Literal["noise_of_one_channel", "worse_on_held_out", "below_floor"]
 less than `priors.NAMED_FLOORS` noise floors."""
 INTERVAL_COLUMNS = ("effect", "parameter", "value", "low", "high", "unit")
 """Of `JointResult.intervals`."""
-Rejection = Literal["too_little_evidence", "cannot_be_looked_for", "not_recorded", "not_excited"]
+Rejection = Literal["too_little_evidence", "not_possible", "cannot_be_looked_for", "not_recorded", "not_excited"]
 """Why an effect was tried and not added, or could not be tried (`drake_tc.effects.context.Obstacle`)."""
 
 
@@ -166,9 +166,9 @@ class RejectedEffect:
     Attributes:
         key, id: Of the effect.
         reason: As a word.
-        obstacle: Why it could not be tried, in the words of the effect library (`Obstacle.statement`): knowledge of the
-            effect, not of this result. "" where it was tried.
-        log_odds: Of the set with it over the set without it; 0 where it was not tried.
+        obstacle: Why it could not be tried, or why its fitted value is not possible, in the words of the effect library
+            (`Obstacle.statement`, `effects.check.implausible`). "" where it has too little evidence.
+        log_odds: Of the set with it over the set without it, at equal noise; 0 where it was not tried.
         heldout_gain: 1 - held-out error with it / without it; 0 where it was not tried.
     """
 

@@ -161,7 +161,7 @@ def searched_fit(before: RobotFit, delta: FloatArray, names: Sequence[str]) -> R
         known = shared.belief(replace(before, joints=joints).others(name))
         model = with_shared(alone, columns, shared, known, delta, prepared.floor)
         asked = asked_of(prepared, before.runs.options)
-        decision = decided(find(Evidence(model).heard(model.declared, spread=False), asked.usable))
+        decision = decided(find(Evidence(model).heard(model.declared, spread=False), asked.usable), asked.usable)
         evidence = decision.found.evidence
         told = _told(evidence, decision.best, columns[0], delta)
         joints[name] = RobotJoint(prepared, columns, evidence, decision.best, told, delta, decision)

@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from drake_tc.diagnosis.priors import ALTERNATIVE
+from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.run import close_loop
 from drake_tc.errors import DrakeTcError
 
@@ -113,6 +115,7 @@ class Answer:
     floors: Mapping[str, float] = field(default_factory=dict)
     indistinguishable: Sequence[Sequence[str]] = ()
     refusal: str = ""
+    contradictions: Sequence[str] = ()
 
     def __str__(self) -> str:
         if self.refusal:
@@ -174,7 +177,18 @@ def answer_of(recorded: Recorded) -> Answer:
             values |= {f"{run}.{name}": estimate for name, estimate in payload.items()}
     floors = {name if several else "": each.unexplained.floors for name, each in result.joints.items()}
     ties = [pair for each in result.joints.values() for pair in each.indistinguishable]
-    return Answer(found, values, result.verdict, floors, ties)
+    return Answer(found, values, result.verdict, floors, ties, contradictions=tuple(contradictions(result.joints)))
+
+
+def contradictions(joints: Mapping[str, JointResult]) -> Iterator[str]:
+    """Effects that a result says to lack evidence although its own odds name them, or tells twice."""
+    for joint, each in joints.items():
+        told = [e.id for e in (*each.effects, *each.did_not_hold)]
+        for other in each.rejected:
+            if other.reason == "too_little_evidence" and other.log_odds >= ALTERNATIVE:
+                yield f"{joint}: {other.key} has log odds of {other.log_odds:+.1f} and is not named"
+            if other.id in told:
+                yield f"{joint}: {other.key} is told twice"
 
 
 def objections(case: Case, answer: Answer) -> Iterator[str]:
@@ -191,6 +205,7 @@ def objections(case: Case, answer: Answer) -> Iterator[str]:
     if case.refusal:
         yield f"expected a refusal: {case.refusal!r}"
         return
+    yield from answer.contradictions
     named = frozenset(answer.found)
     if case.never:
         if named & case.never:

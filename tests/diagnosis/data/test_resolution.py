@@ -241,3 +241,14 @@ def test_the_motion_of_a_goal_in_a_slow_log_is_not_its_noise():
     assert scatter(goal, [slice(0, time.size)]) < 2e-4
     noisy = goal + 2e-3 * np.random.default_rng(1).normal(size=time.size)
     assert scatter(noisy, [slice(0, time.size)]) == pytest.approx(2e-3, rel=0.15)
+
+
+def test_stairs_of_a_goal_that_beat_with_the_log_are_lines_and_no_noise():
+    """Goals of 500 Hz that are read at 400 Hz are 0, 0.5, 1 and 1.5 ms old in turn; beside them, noise is found."""
+    time = np.arange(8000) / 400.0
+    goal = np.sin(2.0 * np.pi * 0.8 * np.floor(time * 500.0 + 1e-9) / 500.0)
+    whole = [slice(0, time.size)]
+    error = goal - np.sin(2.0 * np.pi * 0.8 * (time - 0.75e-3))
+    assert scatter(goal, whole) < 0.1 * np.std(error)
+    noisy = goal + 1e-3 * np.random.default_rng(1).normal(size=time.size)
+    assert scatter(noisy, whole) == pytest.approx(1e-3, rel=0.15)
