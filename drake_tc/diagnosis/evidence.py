@@ -105,16 +105,14 @@ class Evidence:
         rows = self.model.train.rows
         return rows.whitened(np.zeros((rows.samples.rows.size, 1)), self.noise)[1]
 
-    @cached_property
-    def _alike(self) -> "Evidence":
-        return Evidence(self.model, NoiseModel(), self.spread)
-
-    def noise_gain(self, scored: Scored) -> float:
-        """Mean square of the sensors' noise in what a set leaves after the whitening over that before; 1 without."""
+    def noise_gain(self, scored: Scored, noise: NoiseModel) -> float:
+        """Mean square of the sensors' noise in what a set leaves, whitened as here, over that whitened for `noise`."""
+        if noise == self.noise:
+            return 1.0
         size, shapes = scored.coefficients, scored.shapes
         b = np.concatenate([scored.b, scored.posterior.beta[size + shapes :]])
-        white, own = (each._noise_left(scored.terms, b) for each in (self, self._alike))
-        return white / own if own > 0.0 else 1.0
+        own, other = (each._noise_left(scored.terms, b) for each in (self, Evidence(self.model, noise, self.spread)))
+        return own / other if other > 0.0 else 1.0
 
     def _noise_left(self, terms: Sequence[Term], b: FloatArray) -> float:
         """Mean square of the sensors' whitened noise in what a set leaves at coefficients b (m,)."""

@@ -296,12 +296,13 @@ def equally_noisy(
     """The sets with the odds that they have if all let as much of the sensors' noise through as the loudest one.
 
     A set that lets less through, by a small drive gain or by noise that cancels, leaves less without explaining more.
-    Sets with noise models of their own are compared by the noise before their whitening. The noise of a set counts
-    against a part of itself only if it is in what the set leaves, and less is left beside it.
+    Sets with noise models of their own are compared by their noise under one of these, that of the most probable set:
+    each whitening passes another share of it. The noise of a set counts against a part of itself only if it is in what
+    the set leaves, and less is left beside it.
     `trusted`: which may count as the loudest one; None takes all of some odds.
     """
-    alike = all(evidence.noise == sets[0][0].noise for evidence, _ in sets)
-    left = [s.left / (1.0 if alike or not s.passed else evidence.noise_gain(s)) for evidence, s in sets]
+    common = max(sets, key=lambda pair: pair[1].log_odds)[0].noise
+    left = [s.left / evidence.noise_gain(s, common) for evidence, s in sets]
     noise = [s.passed * n for n, (_, s) in zip(left, sets, strict=True)]
     counts = trusted or [True] * len(sets)
     loud = [

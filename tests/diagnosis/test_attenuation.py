@@ -108,7 +108,7 @@ def test_a_set_without_the_load_that_leaves_as_much_is_less_probable_by_the_nois
     loud, less = (each.log_odds for _, each in equally_noisy([(evidence, refined), (evidence, quiet)]))
     samples = evidence.model.train.samples
     taps = np.convolve(samples.light.kernels[0], samples.kernel.kernels[0])
-    passed = (Joint().gain * NOISE) ** 2 * float(taps @ taps) * evidence.noise_gain(refined)
+    passed = (Joint().gain * NOISE) ** 2 * float(taps @ taps) * evidence.noise_gain(refined, NoiseModel())
     rows = evidence.noise.share * evidence.model.train.rows.index.size
     assert loud - less == pytest.approx(0.5 * rows * np.log1p(passed / refined.left), rel=0.25)
 
@@ -121,7 +121,7 @@ def test_how_much_noise_a_set_lets_through_does_not_depend_on_the_whitening(join
     for noise in (NoiseModel(), NoiseModel(ratio=3.0, memory=3.0), NoiseModel(ratio=1.0, memory=0.1, moving=1.0)):
         own = Evidence(evidence.model, noise, evidence.spread)
         refined = own.refined(own.score(scored.terms))
-        passed.append(refined.passed * refined.left / own.noise_gain(refined))
+        passed.append(refined.passed * refined.left / own.noise_gain(refined, NoiseModel()))
     assert passed == pytest.approx([passed[0]] * 3, rel=0.03)
 
 
