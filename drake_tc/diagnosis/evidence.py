@@ -242,9 +242,11 @@ class Evidence:
         gram, moment, square = self.noise_products(scored.terms)
         taken, variance = products.without_noise(gram, moment), scored.posterior.variance
         true = mode(taken, prior, variance)
-        left = products.rss(true)
-        if left <= 0.0:  # a dead zone or a limit that leaves nothing of the effort
+        if products.rss(true) <= 0.0:  # a dead zone or a limit that leaves nothing of the effort
             return replace(scored, log_odds=-np.inf)
+        if true[0] <= self.model.least_gain:  # noise is all of the load
+            true = np.concatenate([scored.b, scored.posterior.beta[scored.coefficients + scored.shapes :]])
+        left = products.rss(true)
         passed = float(true @ gram @ true - 2.0 * true @ moment + square) / left
         whole = posterior(taken.leaving(left, true), prior)
         shapes = scored.log_odds - self.score(scored.terms).log_odds if scored.shapes else 0.0

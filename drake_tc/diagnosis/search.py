@@ -297,8 +297,8 @@ def equally_noisy(
 
     A set that lets less through, by a small drive gain or by noise that cancels, leaves less without explaining more.
     Sets with noise models of their own are compared by their noise under one of these, that of the most probable set:
-    each whitening passes another share of it. The noise of a set counts against a part of itself only if it is in what
-    the set leaves, and less is left beside it.
+    each whitening passes another share of it. The noise of a set counts against a part of itself as far as it is in
+    what the set leaves, and only if less is left beside it.
     `trusted`: which may count as the loudest one; None takes all of some odds.
     """
     common = max(sets, key=lambda pair: pair[1].log_odds)[0].noise
@@ -312,7 +312,8 @@ def equally_noisy(
     ]
     out = []
     for variance, own, (evidence, s) in zip(left, noise, sets, strict=True):
-        others = [its for t, n, its in loud if not s.ids < t.ids or 0.0 <= n - its <= variance - own]
+        parts = [min(n, its) for t, n, its in loud if s.ids < t.ids and max(n - its, 0.0) <= variance - own]
+        others = [its for t, _, its in loud if not s.ids < t.ids] + parts
         rows = evidence.noise.share * evidence.model.train.rows.index.size
         quieter = max(max(others, default=0.0) - own, 0.0)
         less = 0.5 * rows * np.log1p(quieter / variance) if np.isfinite(s.log_odds) else 0.0

@@ -182,6 +182,8 @@ def test_noise_counts_against_quieter_sets_but_for_a_part_that_leaves_less_besid
         assert pair[0][1].log_odds == 100.0
         expected = 0.5 * 1000 * np.log(1.0 + 0.5 / variance) if less else 0.0
         assert pair[1][1].log_odds == pytest.approx(100.0 - expected)
+    pair = equally_noisy([(evidence, scored("ab", 1.0, 1.2)), (evidence, scored("a", 2.0, 0.0))])
+    assert pair[1][1].log_odds == pytest.approx(100.0 - 0.5 * 1000 * np.log(1.0 + 1.0 / 2.0))  # no more than is left
 
 
 @pytest.mark.parametrize("bounds", [(-1.0, 2.0), (5.0, 9.0), (-9.0, -5.0), (-np.inf, 0.0), (0.4, np.inf)])
