@@ -178,13 +178,9 @@ def _beside(
         if effect.key not in gone:
             gain = 1.0 - rms(larger[0].residual(larger[0].model.held, larger[1])) / max(left, 1e-300)
             reason: Rejection = "not_possible" if impossible else "too_little_evidence"
-            why = (why_impossible(*larger) or NO_DRIVE).rstrip(".") if impossible else ""
+            why = why_impossible(*larger).rstrip(".") if impossible else ""
             tried.append(RejectedEffect(effect.key, effect.id, reason, why, odds, gain))
     return None, tuple(tried)
-
-
-NO_DRIVE = "nothing would be left of the effort"
-"""Why a fit is impossible whose drive gain is 0."""
 
 
 def _held(found: Found, best: Scored) -> Decided:

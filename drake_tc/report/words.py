@@ -46,7 +46,7 @@ REASONS: dict[Withdrawal, tuple[str, str]] = {
 def why_rejected(rejected: RejectedEffect) -> str:
     """Why an effect was not added, as one sentence without its full stop."""
     if rejected.reason != "too_little_evidence":
-        return rejected.obstacle
+        return rejected.obstacle or "it would leave nothing of the effort"
     odds = f"{rejected.log_odds:+.1f}".replace("-", "−")
     return f"its log odds are {odds}, at least {ALTERNATIVE:+g} is required"
 

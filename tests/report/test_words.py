@@ -343,6 +343,7 @@ def test_an_effect_that_was_tried_is_told_with_its_log_odds_and_another_with_its
     assert why_rejected(barred) == "temperature not recorded"
     impossible = RejectedEffect("saturation", "saturation", "not_possible", "limit is 8 A", 40.0, 0.5)
     assert why_rejected(impossible) == "limit is 8 A"
+    assert why_rejected(replace(impossible, obstacle="")) == "it would leave nothing of the effort"
     assert [each["id"] for each in rejected_rows([barred, impossible])[0]] == ["saturation"]
 
 

@@ -167,7 +167,8 @@ class RejectedEffect:
         key, id: Of the effect.
         reason: As a word.
         obstacle: Why it could not be tried, or why its fitted value is not possible, in the words of the effect library
-            (`Obstacle.statement`, `effects.check.implausible`). "" where it has too little evidence.
+            (`Obstacle.statement`, `effects.check.implausible`). "" where it has too little evidence, or where the drive
+            gain would be 0.
         log_odds: Of the set with it over the set without it, at equal noise; 0 where it was not tried.
         heldout_gain: 1 - held-out error with it / without it; 0 where it was not tried.
     """
