@@ -145,7 +145,7 @@ def asked_of(prepared: Prepared, options: DiagnosisOptions) -> Asked:
 
 def decided(found: Found, effects: Sequence[Effect]) -> Decided:
     """The most probable set whose effects all hold, and beside which none of the other `effects` does."""
-    decision, gone = _held(found, found.best), dict[str, tuple[Term, Withdrawal]]()
+    decision, gone = _held(found), dict[str, tuple[Term, Withdrawal]]()
     while True:
         gone |= {term.effect.key: (term, why) for term, why in decision.dropped}
         named = {t.effect.id for t in decision.best.terms}
@@ -171,7 +171,7 @@ def _beside(
     for effect, larger, odds in sorted(each, key=lambda one: -one[2]):
         impossible = odds >= ALTERNATIVE and not possible(*larger)
         if odds >= ALTERNATIVE and not impossible:
-            held = _held(Found(larger[0], larger[1], ()), larger[1])
+            held = _held(Found(*larger, ()))
             if effect.key in held.best.ids:
                 return held, ()
             gone |= {t.effect.key: (t, why) for t, why in held.dropped if t.effect.key == effect.key}
@@ -183,9 +183,9 @@ def _beside(
     return None, tuple(tried)
 
 
-def _held(found: Found, best: Scored) -> Decided:
-    """A set without effects that do not hold, and without those that are too small."""
-    evidence, best = pruned(found.evidence, best)
+def _held(found: Found) -> Decided:
+    """The set without effects that do not hold, and without those that are too small."""
+    evidence, best = pruned(found.evidence, found.best)
     without, noisy = timing_holds(evidence, best)
     if noisy:
         evidence, best = pruned(*settled_if_sound(evidence, without))

@@ -8,7 +8,7 @@ import numpy as np
 from drake_tc.diagnosis.evidence import Evidence, Scored
 from drake_tc.diagnosis.priors import ALTERNATIVE, FALLS
 from drake_tc.diagnosis.problem.columns import Term
-from drake_tc.diagnosis.search import equally_noisy, settled
+from drake_tc.diagnosis.search import more_probable, settled
 from drake_tc.diagnosis.split import is_filter
 from drake_tc.types import FloatArray
 
@@ -69,8 +69,7 @@ def _asked(evidence: Evidence, scored: Scored, gone: Sequence[Term]) -> float:
     if len(gone) != 1:
         return FALLS
     rest = settled(evidence, evidence.score([t for t in scored.terms if t is not gone[0]]))
-    odds = [each.log_odds for _, each in equally_noisy([(evidence, scored), rest])]
-    return float(np.clip(odds[0] - odds[1] - ALTERNATIVE, 0.0, FALLS))
+    return float(np.clip(more_probable((evidence, scored), rest) - ALTERNATIVE, 0.0, FALLS))
 
 
 def _improbable(noise: Evidence, scored: Scored, parts: Sequence[tuple[Term, ...]]) -> FloatArray:
