@@ -117,15 +117,30 @@ class Split:
     def target(self, terms: Sequence[Term]) -> FloatArray:
         """(N,) the recorded effort after the drive effects without memory, less what filters add to w."""
         acting = drives(terms)
-        out = self.recorded.effort([t for t in acting if not is_filter(t)])
+        stand = stands_for(acting)
+        late = [channel for channel in self.ages if channel not in stand]
+        out = self._arrived_at_ages([t for t in acting if not is_filter(t)], [c for c in late if c != "torque"])
         for term in acting:
             if is_filter(term):
                 out = out - self._offset(term)
-        stand = stands_for(acting)
-        for channel, aged in self._aged.items():
-            if channel not in stand:
-                out = out - aged
+        if "torque" in late:
+            out = out - self.samples.reduce(_inside(self._change_at_age("torque"), self.samples))
+        out = out + sum(self.ages[channel] * self.reduced_slope(channel) for channel in late)
         return out + self._of_integral(stand) if self._integrators else out
+
+    def _arrived_at_ages(self, static: Sequence[Term], late: Sequence[str]) -> FloatArray:
+        """(N,) the recorded effort after drive effects without memory, which act at the ages of these channels."""
+        if not late:
+            return self.recorded.effort(static)
+        key = ("arrived", *late, *(k for t in static for k in t.cache_key))
+        if key not in self._kept:
+            effort = self.recorded.acting_effort(static, -sum(map(self._change_at_age, late)))
+            self._kept[key] = self.samples.reduce(_inside(effort, self.samples))
+        return np.asarray(self._kept[key])
+
+    def _change_at_age(self, channel: str) -> FloatArray:
+        """(T,) f(a) of a channel at the age at which it is linearised."""
+        return self.channels[channel].change(self.samples, self.ages[channel])
 
     @property
     def channels(self) -> Mapping[str, "Aged"]:
@@ -144,8 +159,15 @@ class Split:
         }
 
     def slope_of(self, channel: str) -> FloatArray:
-        """(T,) df/da at the age at which the channel is linearised, and what an integrator makes of it."""
-        return self._acted(self.channels[channel].slope(self.samples, self.ages.get(channel, 0.0)))
+        """(T,) df/da at the age at which the channel is linearised, after the drive effects of the fit."""
+        slope = self.channels[channel].slope(self.samples, self.ages.get(channel, 0.0))
+        return self._acted(slope if channel == "torque" else slope * self._slope_at_fit)
+
+    @cached_property
+    def _slope_at_fit(self) -> FloatArray:
+        """(T,) du*/du of the drive effects without memory of the fit, at its ages."""
+        late = -sum(self._change_at_age(channel) for channel in self.ages if channel != "torque")
+        return slope_of_drive(self.recorded, behind(self.fit[0]), late)
 
     @cached_property
     def _integrators(self) -> list[tuple[Term, FloatArray]]:
@@ -233,22 +255,14 @@ class Split:
         return self.samples.reduce(s.direction * np.exp(-np.abs(s.velocity) / slow), fresh=True)[:, None]
 
     def curvature(self, channel: str, age: float) -> float:
-        """RMS over the rows of f(a) - a df/da(0) of a channel [effort], of all of a torque."""
-        aged = self.channels[channel]
+        """RMS over the rows of f(a) - a df/da(0) of a channel after the drive effects [effort], of all of a torque."""
+        aged, static = self.channels[channel], [] if channel == "torque" else behind(self.fit[0])
         if channel == "torque":
             aged = replace(aged, values=self.gain * self.load)
-        off = aged.change(self.samples, age) - aged.change(self.samples, 0.0) - age * aged.slope(self.samples, 0.0)
+        before, after = (aged.change(self.samples, a) for a in (0.0, age))
+        slope = slope_of_drive(self.recorded, static, -before) * aged.slope(self.samples, 0.0)
+        off = self.recorded.acting_effort(static, -before) - self.recorded.acting_effort(static, -after) - age * slope
         return rms(self.samples.reduce(_inside(off, self.samples)))
-
-    @cached_property
-    def _aged(self) -> dict[str, FloatArray]:
-        """(N,) f(a) - a df/da of each channel at its age a."""
-        return {
-            channel: self.samples.reduce(
-                _inside(self.channels[channel].change(self.samples, age) - age * self.slope_of(channel), self.samples)
-            )
-            for channel, age in self.ages.items()
-        }
 
     @cached_property
     def _kept(self) -> dict[tuple[object, ...], Any]:
@@ -264,8 +278,10 @@ class Split:
         """(T,) l * (u - T(u)) + (1 - l) * (T^-1(w) - w) of a filter T."""
         u, w = self.arrived, self.needed
         act = partial(self.clean.samples.by_segment, term.effect, term.shape)
-        needed = act(w, undo=True) - w
-        return np.asarray(needed + self._followed(u - act(u) - needed))
+        needed, late = act(w, undo=True) - w, u - act(u)
+        if cast(DriveEffect, term.effect).acts_on == "command":
+            needed, late = needed * self._slope_at_fit, late * self._slope_at_fit
+        return np.asarray(needed + self._followed(late - needed))
 
     def log_jacobian(self, terms: Sequence[Term], deviation: float) -> float:
         """Sum over the rows that count of log |du*/du| of drive effects.
@@ -333,9 +349,22 @@ class Split:
 
     def _slope(self, static: Sequence[Term]) -> FloatArray:
         """(N,) |du*/du| of drive effects without memory on all rows."""
-        step = 1e-3 * max(rms(self.samples.signals.effort[self.samples.rows]), 1e-12)
-        up, down = (self.recorded.acting_effort(static, sign * step) for sign in (1.0, -1.0))
-        return np.asarray(np.abs(((up - down) / (2.0 * step))[self.samples.rows]))
+        return np.abs(slope_of_drive(self.recorded, static)[self.samples.rows])
+
+
+def behind(terms: Sequence[Term]) -> list[Term]:
+    """The drive effects without memory; none behind an integrator, whose effort is not recorded."""
+    return [] if starts_unknown(terms) else [t for t in drives(terms) if not is_filter(t)]
+
+
+def slope_of_drive(recorded: Columns, static: Sequence[Term], offset: FloatArray | float = 0.0) -> FloatArray:
+    """(T,) du*/du of drive effects without memory at the recorded effort and an offset (T,)."""
+    samples = recorded.samples
+    if not static:
+        return np.ones(len(samples.signals))
+    step = 1e-3 * max(rms(samples.signals.effort[samples.rows]), 1e-12)
+    up, down = (recorded.acting_effort(static, offset + sign * step) for sign in (1.0, -1.0))
+    return np.asarray((up - down) / (2.0 * step))
 
 
 @dataclass(frozen=True)
@@ -453,7 +482,7 @@ def with_needed(
     torque = s.rotor_inertia * s.acceleration + s.known_torque
     if not samples.load_unknown:  # else the load is among the terms
         torque = torque + s.load_torque
-    late = ages.get("inside", 0.0) - ages.get("effort", 0.0)
+    late, static = ages.get("inside", 0.0) - ages.get("effort", 0.0), behind(terms)
     of_command = Aged(s.command, -1.0).change(samples, ages.get("command", 0.0))
     acting = moved(s.effort - of_command, samples, -late)
     for term in drives(terms):
@@ -470,9 +499,8 @@ def with_needed(
     for term in reversed(drives(terms)):
         if is_filter(term):
             modelled = samples.by_segment(term.effect, term.shape, modelled, undo=True)
-    modelled = moved(modelled, samples, late) + of_command
-    behind = () if starts_unknown(terms) else terms  # the effort behind an integrator is not recorded
-    arrived = recorded.acting_effort([term for term in behind if not is_filter(term)])
+    arrived = recorded.acting_effort(static)
+    modelled = moved(modelled, samples, late) + arrived - recorded.acting_effort(static, -of_command)
     shares = shares or latent_shares(samples, arrived - modelled, gain)
     fit = (tuple(terms), beta)
     return with_clean(Split(recorded, recorded, gain * torque, modelled, arrived, *shares, gain, ages, fit, measured))

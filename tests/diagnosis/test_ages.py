@@ -10,6 +10,7 @@ from scipy.integrate import quad
 from scipy.stats import norm
 
 from drake_tc.diagnosis.ages import truncated, with_uncertain_ages
+from drake_tc.diagnosis.data.samples import rms
 from drake_tc.diagnosis.diagnose import joint_model
 from drake_tc.diagnosis.evidence import Evidence, Scored
 from drake_tc.diagnosis.linear import Posterior
@@ -18,7 +19,9 @@ from drake_tc.diagnosis.priors import LATE, LATE_S, SERVO_LAG_S
 from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.diagnosis.problem.prepared import prepare_joint
 from drake_tc.diagnosis.search import equally_noisy
+from drake_tc.diagnosis.split import with_needed
 from drake_tc.effects.delay import Delay, shift
+from drake_tc.effects.saturation import Saturation
 from tests.diagnosis.rigs import Joint, motion, record, rig_of
 
 SERVO = Joint(drive="position_servo", gain=2e-3, torque_noise=0.02, encoder_noise=1e-5)
@@ -69,6 +72,24 @@ def test_a_late_record_changes_the_residual_by_its_age_s_column(late: str, chann
     own, column = (left[1] - left[0])[both, 0], left[1][both, 1]
     assert abs(np.corrcoef(own, column)[0, 1]) > 0.99
     assert own @ column / (column @ column) == pytest.approx(age, rel=0.05)
+
+
+@pytest.mark.parametrize("age", [0.0, 4e-3])
+def test_a_late_command_comes_before_the_limit_of_the_drive(age: float) -> None:
+    """The column is the slope, and what the fit subtracts the value, of the limited effort over the command's age."""
+    model = heard(SERVO).model
+    samples, own, at = model.train.samples, model.train.samples.signals, []
+    limit = Term(Saturation(), {"limit": 0.4 * float(np.abs(own.effort[samples.rows]).max())})
+    terms, beta = [*model.declared, limit], np.array([1.0 / SERVO.gain, SERVO.viscous, SERVO.coulomb])
+    split = with_needed(model.train.recorded, terms, beta, measured=True, ages={"command": age} if age else {})
+    for a in (age, age + 1e-5):
+        goal = split.clean.samples.signals.command
+        late = np.concatenate([shift(goal[s], a / own.period) for s in samples.segments])
+        at.append(samples.reduce(np.clip(own.effort + late - goal, -limit.shape["limit"], limit.shape["limit"])))
+    column = split.age_columns(["command"], SERVO.viscous)[:, 0]
+    assert np.mean(np.abs(split.reduced_slope("inside")) < 1e-12) > 0.1, "rows in the limit know no age"
+    assert rms((at[0] - at[1]) / 1e-5 - column) < 0.02 * rms(column)
+    assert rms(split.target(terms) - age * column - at[0]) < 1e-3 * age * rms(column) + 1e-12
 
 
 def averaged(joint: Joint, channel: str) -> tuple[np.ndarray, np.ndarray, JointModel]:

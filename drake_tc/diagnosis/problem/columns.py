@@ -124,8 +124,8 @@ class Columns:
         key = ("effort", *(k for t in drives(terms) for k in t.cache_key))
         return self._kept(key, lambda: self.samples.reduce(self.acting_effort(terms)))
 
-    def acting_effort(self, terms: Sequence[Term], offset: float = 0.0) -> FloatArray:
-        """y* (T,) after every drive effect among the terms, in the library's order, of the effort plus an offset."""
+    def acting_effort(self, terms: Sequence[Term], offset: FloatArray | float = 0.0) -> FloatArray:
+        """y* (T,) after every drive effect among the terms, in the library's order, at the effort + `offset` (T,)."""
         values = self.samples.signals.effort + offset
         for term in drives(terms):
             values = self.samples.by_segment(term.effect, term.shape, values)

@@ -12,7 +12,6 @@ WRONG: frozenset[str] = frozenset(
         "drive: a fitted rotor, noise of 0.1 steps",
         "drive: a fitted rotor, noise of 0.3 steps",
         "drive: a fitted rotor, noise of 1.0 steps",
-        "drive: a servo with an inside and a limit",
         "drive: a torque drive of another scale than declared",
         "drive: an undeclared rotor at 50 Hz",
         "drive: an undeclared rotor at 50 Hz, four held-out runs",
