@@ -469,12 +469,20 @@ class Evidence:
             out = out - zeros @ (zeros.T @ out / np.maximum(zeros.sum(axis=0), 1.0))
         return np.asarray(out)
 
-    def predictive(self, terms: Sequence[Term], variance: float) -> float:
-        """Log p(held-out rows | training rows, terms) under this noise; what differs between runs is each run's own."""
-        train, prior = self.products(self.model.train, terms)
+    def predictive(self, terms: Sequence[Term], variance: float, fitted: "Evidence", of_fit: float) -> float:
+        """Log p(held-out rows | training rows, terms) of a fit; what differs between runs is each run's own.
+
+        Args:
+            terms: The set.
+            variance: Of the held-out rows under this noise.
+            fitted: The evidence under whose noise the training rows are fitted.
+            of_fit: Variance of the training rows under it.
+        """
+        train, prior = fitted.products(self.model.train, terms)
+        train = train.times(variance / of_fit)
         held, _ = self.products(self.model.held, terms)
-        spread = self.spread.of(terms)
-        own = [sum(b.values.shape[1] for b in self.model.of_runs(s, spread)) for s in self._splits]
+        sides = (self.model.train, fitted), (self.model.held, self)
+        own = [sum(b.values.shape[1] for b in self.model.of_runs(s, e.spread.of(terms))) for s, e in sides]
         shared, size = train.moment.size - own[0], train.moment.size + own[1]
         first, second = np.arange(train.moment.size), np.r_[np.arange(shared), size - own[1] + np.arange(own[1])]
         more = self.design(self.model.held, terms)[1]
@@ -483,10 +491,6 @@ class Evidence:
         both = posterior(before + after, joined, variance)
         jacobian = self.log_jacobian(self.model.held, terms, both)
         return both.log_evidence - posterior(before, joined, variance).log_evidence + jacobian
-
-    @property
-    def _splits(self) -> tuple[Split, Split]:
-        return self.model.train, self.model.held
 
 
 def _heard(

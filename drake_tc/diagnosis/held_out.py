@@ -41,18 +41,19 @@ def confirmed(evidence: Evidence, scored: Scored) -> tuple[Scored, tuple[Term, .
 
     All held-out runs count together: no run has a veto. What the training runs hardly ask for must not be less
     probable by training and held-out runs together. Effects that take each other's place hide each other's fault,
-    so that every part of the set is tried, not only what is left when one effect goes. Two noise models are asked: that
-    of the set, and one in which rows count alike, because a whitened error can fall while the error itself grows.
+    so that every part of the set is tried, not only what is left when one effect goes. The held-out runs are judged
+    under the noise of the set, and with rows that count alike, because a whitened error can fall while the error itself
+    grows.
     """
     dropped: list[Term] = []
     while True:
         asked = [t for t in scored.terms if not evidence.model.is_declared(t.effect)]
         parts = [gone for count in range(len(asked) + 1) for gone in combinations(asked, count)]
-        gains = np.zeros(len(parts))
+        gains, of_fit = np.zeros(len(parts)), evidence.score(scored.terms).posterior.variance
         for noise in (evidence, evidence.tempered(scored.terms)):
             variance = noise.score(scored.terms).posterior.variance
             left = [[t for t in scored.terms if t not in gone] for gone in parts]
-            density = np.array([noise.predictive(rest, variance) for rest in left])
+            density = np.array([noise.predictive(rest, variance, evidence, of_fit) for rest in left])
             gains = np.maximum(gains, density - density[0] - _improbable(noise, scored, parts))
         gains -= [_asked(evidence, scored, gone) for gone in parts]
         worst = parts[int(np.argmax(gains))]

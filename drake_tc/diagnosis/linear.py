@@ -83,6 +83,10 @@ class Products:
             self.gram + other.gram, self.moment + other.moment, self.square + other.square, self.rows + other.rows
         )
 
+    def times(self, weight: float) -> "Products":
+        """Of rows of this weight."""
+        return Products(weight * self.gram, weight * self.moment, weight * self.square, self.rows)
+
     def at(self, places: IntArray) -> "Products":
         """Of these columns alone."""
         return Products(self.gram[np.ix_(places, places)], self.moment[places], self.square, self.rows)

@@ -316,9 +316,21 @@ def equally_noisy(
         others = [its for t, _, its in loud if not s.ids < t.ids] + parts
         rows = evidence.noise.share * evidence.model.train.rows.index.size
         quieter = max(max(others, default=0.0) - own, 0.0)
-        less = 0.5 * rows * np.log1p(quieter / variance) if np.isfinite(s.log_odds) else 0.0
-        out.append((evidence, replace(s, log_odds=float(s.log_odds - less))))
+        less = 0.5 * rows * np.log1p(quieter / variance) + rows * _of_load(evidence, s, [t for t, _, _ in loud])
+        out.append((evidence, replace(s, log_odds=float(s.log_odds - less) if np.isfinite(s.log_odds) else -np.inf)))
     return out
+
+
+def _of_load(evidence: Evidence, scored: Scored, others: Sequence[Scored]) -> float:
+    """Log odds for each row by which a set is less probable than a part of it if what that leaves is of the load.
+
+    What no sensor's drawn noise explains may be wander of a torque sensor. A smaller drive gain leaves less of it in
+    the effort, as in `Evidence.log_jacobian`, and explains nothing. Not where the drive gain is declared.
+    """
+    if evidence.model.context.load != "torque" or evidence.model.held_gain is not None:
+        return 0.0
+    parts = [(t.b[0] / scored.b[0], 1.0 - t.passed) for t in others if t.ids < scored.ids]
+    return float(max((unknown * np.log(gain) for gain, unknown in parts if gain > 1.0 and unknown > 0.0), default=0.0))
 
 
 def _contenders(pool: Sequence[Scored], kept: Collection[frozenset[str]]) -> list[Scored]:

@@ -161,13 +161,12 @@ class Split:
     def slope_of(self, channel: str) -> FloatArray:
         """(T,) df/da at the age at which the channel is linearised, after the drive effects of the fit."""
         slope = self.channels[channel].slope(self.samples, self.ages.get(channel, 0.0))
-        return self._acted(slope if channel == "torque" else slope * self._slope_at_fit)
+        return self._acted(slope if channel == "torque" else self._passed_on(slope))
 
-    @cached_property
-    def _slope_at_fit(self) -> FloatArray:
-        """(T,) du*/du of the drive effects without memory of the fit, at its ages."""
-        late = -sum(self._change_at_age(channel) for channel in self.ages if channel != "torque")
-        return slope_of_drive(self.recorded, behind(self.fit[0]), late)
+    def _passed_on(self, change: FloatArray) -> FloatArray:
+        """(T,) what the drive effects without filters of the fit, at its ages, pass on of a small change (T,)."""
+        late = [channel for channel in self.ages if channel != "torque"]
+        return passed_on(self.recorded, behind(self.fit[0]), change, -sum(map(self._change_at_age, late)))
 
     @cached_property
     def _integrators(self) -> list[tuple[Term, FloatArray]]:
@@ -260,7 +259,7 @@ class Split:
         if channel == "torque":
             aged = replace(aged, values=self.gain * self.load)
         before, after = (aged.change(self.samples, a) for a in (0.0, age))
-        slope = slope_of_drive(self.recorded, static, -before) * aged.slope(self.samples, 0.0)
+        slope = passed_on(self.recorded, static, aged.slope(self.samples, 0.0), -before)
         off = self.recorded.acting_effort(static, -before) - self.recorded.acting_effort(static, -after) - age * slope
         return rms(self.samples.reduce(_inside(off, self.samples)))
 
@@ -280,7 +279,7 @@ class Split:
         act = partial(self.clean.samples.by_segment, term.effect, term.shape)
         needed, late = act(w, undo=True) - w, u - act(u)
         if cast(DriveEffect, term.effect).acts_on == "command":
-            needed, late = needed * self._slope_at_fit, late * self._slope_at_fit
+            needed, late = self._passed_on(needed), self._passed_on(late)
         return np.asarray(needed + self._followed(late - needed))
 
     def log_jacobian(self, terms: Sequence[Term], deviation: float) -> float:
@@ -349,7 +348,7 @@ class Split:
 
     def _slope(self, static: Sequence[Term]) -> FloatArray:
         """(N,) |du*/du| of drive effects without memory on all rows."""
-        return np.abs(slope_of_drive(self.recorded, static)[self.samples.rows])
+        return np.abs(passed_on(self.recorded, static, np.ones(len(self.samples.signals)))[self.samples.rows])
 
 
 def behind(terms: Sequence[Term]) -> list[Term]:
@@ -357,13 +356,15 @@ def behind(terms: Sequence[Term]) -> list[Term]:
     return [] if starts_unknown(terms) else [t for t in drives(terms) if not is_filter(t)]
 
 
-def slope_of_drive(recorded: Columns, static: Sequence[Term], offset: FloatArray | float = 0.0) -> FloatArray:
-    """(T,) du*/du of drive effects without memory at the recorded effort and an offset (T,)."""
-    samples = recorded.samples
-    if not static:
-        return np.ones(len(samples.signals))
-    step = 1e-3 * max(rms(samples.signals.effort[samples.rows]), 1e-12)
-    up, down = (recorded.acting_effort(static, offset + sign * step) for sign in (1.0, -1.0))
+def passed_on(
+    recorded: Columns, static: Sequence[Term], change: FloatArray, at: FloatArray | float = 0.0
+) -> FloatArray:
+    """(T,) what drive effects pass on of a small change (T,) of the recorded effort, at a change `at` (T,) of it."""
+    size, samples = rms(change), recorded.samples
+    if not static or size == 0.0:
+        return change
+    step = 1e-3 * max(rms(samples.signals.effort[samples.rows]), 1e-12) / size
+    up, down = (recorded.acting_effort(static, at + sign * step * change) for sign in (1.0, -1.0))
     return np.asarray((up - down) / (2.0 * step))
 
 

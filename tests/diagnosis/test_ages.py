@@ -194,7 +194,7 @@ def test_noise_counts_against_quieter_sets_but_for_a_part_that_leaves_less_besid
         SimpleNamespace(
             noise_gain=lambda scored, noise: 1.0,
             noise=SimpleNamespace(share=1.0),
-            model=SimpleNamespace(train=SimpleNamespace(rows=rows)),
+            model=SimpleNamespace(train=SimpleNamespace(rows=rows), context=SimpleNamespace(load="pendulum")),
         ),
     )
     loud = scored("ab", 1.0, 0.5)

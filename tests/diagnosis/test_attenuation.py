@@ -113,6 +113,23 @@ def test_a_set_without_the_load_that_leaves_as_much_is_less_probable_by_the_nois
     assert loud - less == pytest.approx(0.5 * rows * np.log1p(passed / refined.left), rel=0.25)
 
 
+def test_what_no_sensor_s_noise_explains_may_be_the_load_s_and_a_smaller_gain_does_not_explain_it(
+    noisy: tuple[Evidence, Scored],
+) -> None:
+    """Closed form: n s log(K/K_less), s the share of what is left without the effect that is no sensor's noise."""
+    evidence, scored = noisy
+    few = replace(evidence.refined(scored), passed=0.7)
+    more = replace(few, terms=(*few.terms, Term(Payload())))
+    half = replace(more, posterior=replace(few.posterior, beta=0.5 * few.posterior.beta))
+    rows = evidence.noise.share * evidence.model.train.rows.index.size
+    for larger, expected in ((more, 0.0), (half, rows * 0.3 * np.log(2.0))):
+        (_, less), (_, without) = equally_noisy([(evidence, larger), (evidence, few)])
+        assert without.log_odds - less.log_odds == pytest.approx(expected, abs=1e-6)
+    declared = Evidence(replace(evidence.model, held_gain=few.b[0]), evidence.noise)
+    (_, less), (_, without) = equally_noisy([(declared, half), (declared, few)])
+    assert without.log_odds == pytest.approx(less.log_odds), "a declared gain is no choice of the fit"
+
+
 @pytest.mark.parametrize("joint", [Joint(torque_noise=NOISE), servo(encoder_noise=3e-4)])
 def test_how_much_noise_a_set_lets_through_does_not_depend_on_the_whitening(joint: Joint) -> None:
     """Else a discrepancy that another set leaves would count as sensors that are louder or quieter."""

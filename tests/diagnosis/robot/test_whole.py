@@ -91,10 +91,9 @@ def test_the_predictive_density_of_one_joint_is_that_of_its_own_model(arm):
         *(columns[:, shared.places] for columns in joint.columns),
         Prior(np.zeros(shared.places.size), shared.deviation, np.zeros(shared.places.size, dtype=bool)),
     )
-    expected = [
-        Evidence(model, joint.evidence.noise, joint.evidence.spread).predictive(terms, variance)
-        for model in (replace(free, shared=own), free)
-    ]
+    models = (replace(free, shared=own), free)
+    evidences = [Evidence(model, joint.evidence.noise, joint.evidence.spread) for model in models]
+    expected = [evidence.predictive(terms, variance, evidence, variance) for evidence in evidences]
     none = Shared(np.zeros(0, dtype=np.int64), np.zeros(0))
     found = alone.predictive(shared) - alone.predictive(none)
     assert abs(expected[0] - expected[1]) > 1.0
