@@ -18,7 +18,7 @@ from typing import Any
 
 from drake_tc.simulator_files.mjcf_actuator import ACTUATORS, Actuator, actuators
 from drake_tc.simulator_files.terms import ReadJoint, Ripple, StribeckPeak, Terms
-from drake_tc.simulator_files.xml_tree import Attributes, Defaults, bodies, finite, place, with_includes
+from drake_tc.simulator_files.xml_tree import Attributes, Defaults, bodies, finite, in_degrees, place, with_includes
 
 __all__ = ["ACTUATORS", "PLAY", "MjcfJoint", "disabled_groups", "drive_of", "gears_of", "joints_of", "mjcf_joints"]
 
@@ -31,11 +31,13 @@ JOINT_USED = {
     *("springref", "ref", "margin", "solreffriction", "solimpfriction", "solreflimit", "solimplimit", "limited"),
     *("range", "actuatorfrcrange", "actuatorfrclimited", "springdamper"),
 }
+HARD = {"solreffriction": (0.0, 0.02), "solimpfriction": (0.9, 1.0)}
+"""First numbers with which the dry friction of a joint creeps no faster than with MuJoCo's defaults."""
 ACTUATOR_USED = {
     *("name", "class", "joint", "jointinparent", "gear", "group", "user", "nsample", "interp", "forcerange"),
     *("forcelimited", "ctrlrange", "ctrllimited", "delay", "damping", "armature", "kp", "kv", "dampratio", "timeconst"),
     *("gainprm", "biasprm", "dynprm", "dyntype", "gaintype", "biastype", "actlimited", "actearly", "lengthrange"),
-    *("cranklength", "inheritrange", "actdim"),
+    *("cranklength", "inheritrange", "actdim", "actrange"),
 }
 DC_MOTOR_USED = {"motorconst", "resistance", "saturation", "inductance", "cogging", "lugre", "input"}
 PID_USED = {"ki", "input"}
@@ -154,8 +156,7 @@ def mjcf_joints(root: ET.Element, path: Path | None = None) -> dict[str, ReadJoi
                     f"{place(each)}: it makes joints of other names, which are not read; write the file as MuJoCo "
                     "expands it: mujoco.mj_saveLastXML"
                 )
-    degrees = all(each.get("angle", "degree") != "radian" for each in root.findall("compiler"))
-    joints = joints_of(root)
+    joints, degrees = joints_of(root), in_degrees(root)
     gears = gears_of(joints, degrees=degrees)
     made = _compiled_by_mujoco(joints, path)
     outside, flags, everywhere = _couplings(root), _disabled(root), _beside_joints(root)
@@ -188,6 +189,10 @@ def _passive(joint: MjcfJoint, *, degrees: bool, flags: set[str]) -> ReadJoint:
     unit = math.pi / 180.0 if degrees and joint.kind == "hinge" else 1.0
     rest = joint.numbers("springref")[0] * unit
     unused = [name for name in joint.values if name not in JOINT_USED]
+    if any(joint.numbers("frictionloss")):
+        stated = ((name, number) for name in HARD for number in joint.numbers(name, "")[:1])
+        soft = ((name, number) for name, number in stated if not HARD[name][0] <= number <= HARD[name][1])
+        unused += [f"its {name} ({number:g})" for name, number in soft]
     if damping[2]:
         unused.append("the third number of its damping")
     if any(stiffness[1:]):
@@ -215,6 +220,8 @@ def _driven(read: ReadJoint, joint: MjcfJoint, flags: set[str], made: Any) -> Re
     """The joint with its actuators; those that say nothing of a known drive are named as unused."""
     if "actuation" in flags:
         return read.also_unused(*(f"its actuator {each.name}, which <flag> disables" for each in joint.actuators))
+    off = (each.name for each in joint.actuators if not each.enabled)
+    read = read.also_unused(*(f"{name}, whose group <option> disables" for name in off))
     acting = [each for each in joint.actuators if each.gear]
     for actuator in acting:  # armature and damping of an actuator act on the joint whatever drives it
         gear = actuator.gear
@@ -455,9 +462,9 @@ def _with_joint_limit(read: ReadJoint, limit: float) -> ReadJoint:
 
 def _disabled(root: ET.Element) -> set[str]:
     """Forces that the file switches off."""
-    found = set()
-    for flag in root.iterfind("option/flag"):
-        found |= {name for name, value in flag.attrib.items() if value == "disable"}
+    said = {name: value for flag in root.iterfind("option/flag") for name, value in flag.attrib.items()}
+    found = {name for name, value in said.items() if value == "disable"}
+    found |= {"frictionloss"} if "constraint" in found else set()
     return found | ({"spring", "damper"} if "passive" in found else set())
 
 

@@ -18,9 +18,10 @@ import math
 import os
 import sys
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
+from types import MappingProxyType
 
 from drake_tc.config.files import is_file
 from drake_tc.config.quoted import located
@@ -63,16 +64,19 @@ def urdf_joints(root: ET.Element, *, robot: bool = False) -> dict[str, ReadJoint
             raise ValueError(f"{place(joint)}: joint {joint.get('name')!r} is there twice")
         found[joint.get("name", "")] = _joint(joint)
     for joint in () if robot else moving:
-        name = joint.get("name", "")
+        name, mimic = joint.get("name", ""), joint.find("mimic")
         found[name] = found[name].also_unused(*_motion(joint))
-    others = (each for each in root if each.tag not in TOP_USED and (each.tag.startswith(DRAKE) or ":" not in each.tag))
+        if mimic is not None:
+            _follow(found, name, mimic)
+    others = [each for each in root if each.tag not in TOP_USED and (each.tag.startswith(DRAKE) or ":" not in each.tag)]
+    others += root.findall("gazebo/joint")
     coupling = [f"{place(each)} beside its joints" for each in others]
     found = {name: joint.also_unused(*coupling) for name, joint in found.items()}
     driven: set[str] = set()
     for transmission in root.findall("transmission"):
-        for joint in transmission.findall("joint"):
+        simple = (transmission.findtext("type") or transmission.get("type") or SIMPLE).strip().endswith(SIMPLE)
+        for joint in (each for each in transmission if each.tag.lower().endswith("joint")):  # also flexJoint, gap_joint
             name = joint.get("name", "")
-            simple = (transmission.findtext("type") or transmission.get("type") or SIMPLE).strip().endswith(SIMPLE)
             if name in found and (not simple or len(transmission.findall("actuator")) > 1):
                 told = f"its transmission {place(transmission)}, which is no {SIMPLE}"
                 found[name] = found[name].also_unused(told)
@@ -152,10 +156,15 @@ def _motion(joint: ET.Element) -> list[str]:
         found.append("its limit of the velocity")
     if joint.get("type") != "continuous" and lower != upper:
         found.append("its limits of the position (lower, upper)")
-    mimic = joint.find("mimic")
-    if mimic is not None:
-        found.append(f"that it follows {mimic.get('joint')!r} (mimic)")
     return found
+
+
+def _follow(found: dict[str, ReadJoint], name: str, mimic: ET.Element) -> None:
+    """A joint follows another, which then carries it: neither is used."""
+    leader = mimic.get("joint", "")
+    found[name] = found[name].also_unused(f"that it follows {leader!r} (mimic)")
+    if leader in found:
+        found[leader] = found[leader].also_unused(f"that {name!r} follows it (mimic)")
 
 
 def _with_transmission(joint: ReadJoint, transmission: ET.Element, of_joint: ET.Element) -> ReadJoint:
@@ -167,8 +176,8 @@ def _with_transmission(joint: ReadJoint, transmission: ET.Element, of_joint: ET.
     armature = inertia * (ratio or 1.0) ** 2
     parts = (actuator, of_joint, transmission)
     reduction, *others = [value for part in parts if (value := content(part, "mechanicalReduction"))] or [1.0]
-    if not inertia:
-        armature = content(actuator, "motorInertia") * reduction**2
+    motor = content(actuator, "motorInertia")
+    armature = armature if inertia else motor * reduction**2
     gains = (attribute(actuator, f"{DRAKE}controller_gains", name) for name in ("p", "d"))
     unused = [f"its {_word(each.tag)}" for each in actuator if each.tag not in ACTUATOR_USED | DRAKE_USED]
     unused += [
@@ -176,8 +185,8 @@ def _with_transmission(joint: ReadJoint, transmission: ET.Element, of_joint: ET.
     ]
     unused += [f"its {_word(each.tag)}" for each in transmission if each.tag not in TRANSMISSION_USED]
     unused += [f"its further mechanicalReduction ({value:g})" for value in others if value != reduction]
-    if inertia and content(actuator, "motorInertia"):
-        unused.append("its motorInertia beside drake:rotor_inertia")
+    unused += [f"its mechanicalReduction ({reduction:g})"] if reduction != 1.0 and (inertia or not motor) else []
+    unused += ["its motorInertia beside drake:rotor_inertia"] if inertia and motor else []
     return with_drake(joint, armature, *gains).also_unused(*unused)
 
 
@@ -190,7 +199,7 @@ def _extensions(root: ET.Element) -> Iterator[tuple[str, str]]:
                 yield gazebo.get("reference", ""), f"its <gazebo> tag {_word(each.tag)}"
     for control in root.findall("ros2_control"):
         for joint in control.findall("joint"):
-            for each in joint.findall("param"):
+            for each in (*joint.findall("param"), *joint.findall("command_interface/param")):
                 yield joint.get("name", ""), f"its <ros2_control> parameter {each.get('name')}"
         for transmission in control.findall("transmission"):
             for joint in transmission.findall("joint"):
@@ -198,11 +207,13 @@ def _extensions(root: ET.Element) -> Iterator[tuple[str, str]]:
 
 
 def _plugins(parent: ET.Element) -> Iterator[tuple[str, str]]:
-    """(joint, plugin) of the plugins that name a joint, such as a controller."""
-    for plugin in parent.iterfind("plugin"):
-        for each in plugin.iter():
-            if each.tag.lower() in ("joint", "jointname", "joint_name"):
-                yield (each.text or each.get("name") or "").strip(), f"its {place(plugin)}"
+    """(text, plugin) of the plugins and of every text in them, which may name a joint, such as that of a controller."""
+    for plugin in parent.iter("plugin"):
+        texts = [
+            text for each in plugin.iter() for text in (each.text, each.get("name")) if text and each is not plugin
+        ]
+        for text in dict.fromkeys(text.strip() for text in texts):
+            yield text, f"its {place(plugin)}"
 
 
 def content(element: ET.Element, path: str) -> float:
@@ -219,11 +230,14 @@ def _word(tag: str) -> str:
     return tag.replace(DRAKE, PREFIX)
 
 
-SDF_JOINT_USED = {"parent", "child", "pose", "axis", "sensor"} | {
-    f"{DRAKE}{name}" for name in ("rotor_inertia", "gear_ratio", "controller_gains")
-}
+SDF_JOINT_USED = {"parent", "child", "pose", "axis", "sensor", f"{DRAKE}mimic"} | DRAKE_USED
 AXIS_USED = {"xyz", "dynamics", "limit", "mimic"}
 DYNAMICS_USED = {"damping", "friction", "spring_stiffness", "spring_reference"}
+_NO = ("false", "0")
+LINK_USUAL: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {"gravity": ("true", "1"), "enable_wind": _NO, "kinematic": _NO, "velocity_decay": ()}
+)
+"""Tags of a link that act on the joints that carry it, unless they say this."""
 
 
 def sdf_joints(root: ET.Element, path: Path | None = None) -> dict[str, ReadJoint]:
@@ -252,12 +266,21 @@ def _sdf_joints(root: ET.Element, path: Path | None, inside: tuple[Path, ...]) -
         if joint.get("type") in MOVING:
             add(joint.get("name", ""), _read(joint), joint)
     beside = [f"{place(each)} beside its joints" for each in root.iter("joint") if each.get("type") in COUPLING]
+    for link in root.iter("link"):
+        acting = (each for each in link if each.tag in LINK_USUAL)
+        beside += [
+            f"{each.tag} of {place(link)}" for each in acting if (each.text or "").strip() not in LINK_USUAL[each.tag]
+        ]
     for model in root.iter("model"):
         drakes = (each for each in model if each.tag.startswith(DRAKE) and each.tag not in NO_COUPLING)
         beside += [f"{place(each)} beside its joints" for each in drakes]
-        for name, told in _plugins(model):
-            if name in found:
-                found[name] = found[name].also_unused(told)
+    for name, told in _plugins(root):
+        if name in found:
+            found[name] = found[name].also_unused(told)
+    for joint in root.iter("joint"):
+        for mimic in (*joint.findall("axis/mimic"), *joint.findall(f"{DRAKE}mimic")):
+            if joint.get("name", "") in found:
+                _follow(found, joint.get("name", ""), mimic)
     found = {name: joint.also_unused(*beside) for name, joint in found.items()}
     unknown = []
     for include in root.iter("include"):
@@ -337,9 +360,6 @@ def _unused(joint: ET.Element) -> list[str]:
             found += [f"its {each.tag}" for each in dynamics if each.tag not in DYNAMICS_USED]
         for limit in axis.findall("limit"):
             found += [f"its {each.tag} of the limit" for each in limit if each.tag in ("stiffness", "dissipation")]
-        mimic = axis.find("mimic")
-        if mimic is not None:
-            found.append(f"that it follows {mimic.get('joint')!r} (mimic)")
     if 0.0 < abs(_limit(joint, "velocity")) < math.inf:
         found.append("its limit of the velocity")
     ends = _limit(joint, "lower"), _limit(joint, "upper")

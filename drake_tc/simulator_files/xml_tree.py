@@ -145,6 +145,12 @@ def with_includes(root: ET.Element, path: Path) -> ET.Element:
     return root
 
 
+def in_degrees(root: ET.Element) -> bool:
+    """Whether the angles of an MJCF file are in degrees: the last `<compiler>` that says so decides."""
+    said = [each.get("angle") for each in root.findall("compiler") if each.get("angle")]
+    return not said or said[-1] != "radian"
+
+
 class Defaults:
     """The classes of defaults of a file."""
 

@@ -134,6 +134,39 @@ def test_a_group_that_is_switched_off_does_not_drive_and_its_damping_acts(tmp_pa
     assert data.qfrc_actuator[0] + data.qfrc_passive[0] == pytest.approx(-joint.terms.damping)
 
 
+DRY = {"joint": 'frictionloss="0.5" damping="1" stiffness="2" springref="30"', "actuators": '<position joint="a"/>'}
+
+
+@pytest.mark.parametrize(
+    ("options", "frictionloss"),
+    [
+        ('<option><flag constraint="disable"/></option>', 0.0),
+        ('<option><flag damper="disable"/></option><option><flag damper="enable"/></option>', 0.5),
+        ('<compiler angle="degree"/>', 0.5),
+    ],
+)
+def test_of_options_that_a_file_has_twice_the_last_one_counts_as_in_mujoco(tmp_path, options, frictionloss):
+    """The file begins with radians."""
+    mujoco = pytest.importorskip("mujoco", minversion="3.12")
+    joint = read_one(tmp_path, options=options, **DRY)
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "one.xml"))
+    data = mujoco.MjData(model)
+    data.qvel[0] = 1.0
+    mujoco.mj_forward(model, data)
+    assert data.qfrc_passive[0] == pytest.approx(-joint.terms.damping - joint.terms.preload)
+    assert joint.terms.frictionloss == frictionloss
+    assert (data.nefc == 0) == (frictionloss == 0.0)
+
+
+def test_soft_dry_friction_and_a_drive_that_is_switched_off_are_listed(tmp_path):
+    joint = 'frictionloss="0.5" solreffriction="0.2 1"'
+    drive = {"options": '<option actuatorgroupdisable="1"/>', "actuators": '<position joint="a" group="1"/>'}
+    assert read_one(tmp_path, joint=joint, **drive).unused == (
+        "its solreffriction (0.2)",
+        "<position> in line 1, whose group <option> disables",
+    )
+
+
 def test_an_include_is_followed_and_one_that_is_missing_is_named(tmp_path):
     (tmp_path / "drives.xml").write_text(
         '<mujoco><actuator><position joint="a" kp="7"/></actuator></mujoco>', encoding="utf-8"
