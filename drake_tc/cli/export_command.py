@@ -224,7 +224,7 @@ def _file_notes(to: Target, text: str, projections: "Sequence[Projection]", into
 
     if to is Target.bam and into is None:
         return ["BAM loads a file whose entry `actuator` names one of its servos: add it, or give --into."]
-    return file_notes(text, projections) if to in MJCF else []
+    return file_notes(text, projections, into) if to in MJCF else []
 
 
 def _errors(

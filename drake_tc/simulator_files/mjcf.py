@@ -20,7 +20,17 @@ from drake_tc.simulator_files.mjcf_actuator import ACTUATORS, Actuator, actuator
 from drake_tc.simulator_files.terms import ReadJoint, Ripple, StribeckPeak, Terms
 from drake_tc.simulator_files.xml_tree import Attributes, Defaults, bodies, finite, in_degrees, place, with_includes
 
-__all__ = ["ACTUATORS", "PLAY", "MjcfJoint", "disabled_groups", "drive_of", "gears_of", "joints_of", "mjcf_joints"]
+__all__ = [
+    "ACTUATORS",
+    "PLAY",
+    "MjcfJoint",
+    "disabled_groups",
+    "drive_of",
+    "gears_of",
+    "joints_of",
+    "mjcf_joints",
+    "terms_of_drive",
+]
 
 PLAY = "_backlash"
 """End of the name of a hinge that is the play of a gear."""
@@ -90,7 +100,7 @@ def joints_of(root: ET.Element) -> dict[str, MjcfJoint]:
     for body, own in bodies(root):
         for element, around in own:
             name, values = element.get("name", ""), defaults.attributes(element, around)
-            if name and values.get("type", "hinge") in ("hinge", "slide"):
+            if name and element.tag == "joint" and values.get("type", "hinge") in ("hinge", "slide"):
                 found[name] = MjcfJoint(element, values, body, tuple(driving.get(name, ())))
     return found
 
@@ -257,6 +267,17 @@ def drive_of(found: Sequence[Actuator]) -> Actuator | None:
     servos = [each for each in known if each.is_servo or each.kind == "pid"]
     plain = [each for each in known if each.gain and not each.bias[1] and not _is_velocity(each)]
     return next(iter((*servos, *plain, *(each for each in known if dc(each)))), None)
+
+
+def terms_of_drive(actuator: Actuator) -> Terms | None:
+    """What an actuator is by itself as the drive of a joint; None where it is no drive that is read.
+
+    Args:
+        actuator: Whose group may be switched off.
+    """
+    if drive_of([replace(actuator, enabled=True)]) is None:
+        return None
+    return _with_drive(ReadJoint(Terms(drive="torque", kp=1.0)), actuator, None).terms
 
 
 def _is_velocity(each: Actuator) -> bool:
