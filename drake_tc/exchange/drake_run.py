@@ -132,19 +132,19 @@ def _simulate(
             other.Lock(context)
     instance = joint.model_instance()
     found = [plant.get_joint_actuator(index) for index in plant.GetJointActuatorIndices(instance)]
-    servos = [each.index() for each in found if each.has_controller()]
+    place = [each.index() for each in found].index(own.index())
     load, at = plant.get_applied_generalized_force_input_port(), joint.velocity_start()
     forces: Any = np.zeros(plant.num_velocities())
     positions = np.full(given.command.size, np.nan)
     for i, u in enumerate(given.command):
         positions[i] = plant.GetPositions(context)[joint.position_start()]
         if own.has_controller():
-            desired: Any = np.zeros(2 * len(servos))
-            desired[servos.index(own.index())] = u
+            desired: Any = np.zeros(2 * len(found))
+            desired[place] = u
             plant.get_desired_state_input_port(instance).FixValue(context, desired)
         else:
             pushed: Any = np.zeros(len(found))
-            pushed[[each.index() for each in found].index(own.index())] = file.torque_for_one * u
+            pushed[place] = file.torque_for_one * u
             plant.get_actuation_input_port(instance).FixValue(context, pushed)
         forces[at] = -given.load[i]
         load.FixValue(context, forces)

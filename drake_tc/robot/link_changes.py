@@ -126,7 +126,7 @@ def consistent(parameters: FloatArray) -> FloatArray:
     pseudo[:3, 3] = pseudo[3, :3] = parameters[1:4]
     pseudo[3, 3] = parameters[0]
     values, vectors = np.linalg.eigh(pseudo)
-    least = SMALLEST * max(float(values[-1]), 1e-9)
+    least = SMALLEST * max(float(values[-1]), 1e-3)
     if values[0] >= 0.0:
         return parameters
     pseudo = vectors @ np.diag(np.maximum(values, least)) @ vectors.T
