@@ -254,7 +254,8 @@ def compiled(text: str, folder: Path | None, change: Callable[[Any], None] = lam
         if folder is not None:
             spec.modelfiledir = str(folder)
         change(spec)
-        return spec.compile()
+        with _warnings(mujoco):
+            return spec.compile()
     except ValueError as error:
         raise ParamsError(f"MuJoCo refuses the file: {' '.join(str(error).split())}") from None
 

@@ -135,3 +135,12 @@ def test_what_no_link_or_several_have_by_name_is_not_written(tmp_path):
 def test_a_mass_that_would_be_negative_is_not_written(tmp_path):
     written, (told,) = with_links(URDF, "urdf", tmp_path / "robot.urdf", [MASS | {"mass": -5.0}], {})
     assert written.endswith(URDF) and "was not written: a link of 2.5 kg cannot be changed by it" in told
+
+
+def test_a_payload_on_a_flange_without_mass_is_a_body_that_mujoco_loads(tmp_path):
+    flange = '<body name="flange"/></body></worldbody>'
+    load = {"effect": "payload", "where": "flange", "mass": 0.5, "com_x": 0.0, "com_y": 0.0, "com_z": 0.1}
+    text = MJCF.replace("</body></worldbody>", flange)
+    written, (told,) = with_links(text, "mjcf", tmp_path / "robot.xml", [load], {})
+    assert whole_of_mujoco(written)[0] == pytest.approx(3.0, rel=1e-5)
+    assert "payload" in told and "was written" in told
