@@ -50,6 +50,7 @@ from drake_tc.simulator_files.mjcf import (
     terms_of_drive,
 )
 from drake_tc.simulator_files.mjcf_actuator import Actuator
+from drake_tc.simulator_files.read import read_joints
 from drake_tc.simulator_files.terms import Ripple, Terms
 from drake_tc.simulator_files.xml_tree import Widths, in_degrees, included_path, states, xml_tree
 
@@ -368,6 +369,7 @@ def to_mjcf(projections: Sequence[Projection], into: Path | None = None, step: f
     if into is None:
         _add_bench(root, projections)
     else:
+        read_joints(into, ParamsError)  # refuses what is no number, and joints that other files make
         put_includes(root, into)
     joints = named(document, "joint", ("body", "frame"))
     before = states(xml_tree(root.toxml()))

@@ -334,8 +334,9 @@ def test_axis_and_type_of_a_joint_may_be_those_of_its_class(tmp_path):
     assert data.qfrc_passive[0] == pytest.approx(-0.4)
     with pytest.raises(ParamsError, match="joint 'knee' is a slide, and the model's is a hinge"):
         to_mjcf(SERVO_OF_THE_KNEE, path)
-    path.write_text(text.replace("<joint damping", '<joint type="ball" damping'))
-    with pytest.raises(ParamsError, match="no <joint name='knee'> that is a hinge or slide; joints: none"):
+    wheel = '<body><joint name="wheel" type="hinge"/><geom size="1"/></body></worldbody>'
+    path.write_text(text.replace("<joint damping", '<joint type="ball" damping').replace("</worldbody>", wheel))
+    with pytest.raises(ParamsError, match="no <joint name='knee'> that is a hinge or slide; joints: wheel"):
         to_mjcf(SERVO_OF_THE_KNEE, path)
 
 
@@ -368,6 +369,19 @@ def test_a_limit_of_the_joint_gives_way_to_an_identified_one_and_one_of_the_comm
     path = own_file(tmp_path, '<motor name="a" joint="knee" gear="4" ctrlrange="-1 1"/>')
     kept = changes(to_mjcf(projections, path), projections, path)[-1]
     assert "kept from your file" in kept and "a limit of the torque of 4 N m" in kept
+
+
+@pytest.mark.parametrize(
+    ("actuator", "told"),
+    [
+        ('gear="x"', "robot.xml: <motor> in line 17: gear: expected finite numbers, got 'x'"),
+        ('delay="a"', "robot.xml: <motor> in line 17: delay: expected finite numbers, got 'a'"),
+        ('class="leg"', "robot.xml: <motor> in line 17: no default class 'leg'; classes here: main, arm"),
+    ],
+)
+def test_a_file_that_cannot_be_read_is_refused_in_one_line(tmp_path, actuator, told):
+    with pytest.raises(ParamsError, match=told):
+        to_mjcf(SERVO_OF_THE_KNEE, own_file(tmp_path, f'<motor joint="knee" {actuator}/>'))
 
 
 def test_a_written_file_that_mujoco_refuses_is_named(tmp_path):
