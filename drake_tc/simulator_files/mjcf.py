@@ -175,9 +175,13 @@ def mjcf_joints(root: ET.Element, path: Path | None = None) -> dict[str, ReadJoi
         if name in gears:
             continue
         read = _driven(_passive(joint, degrees=degrees, flags=flags), joint, flags, made)
+        if name + PLAY in joints and name + PLAY not in gears:
+            read = read.also_unused(
+                f"its play {place(joints[name + PLAY].element)}, which is not on the same body and axis"
+            )
         for other in (each for each, driven in gears.items() if driven == name):
             read = _with_gear(read, joints[other], degrees=degrees, flags=flags)
-        found[name] = _in_effect(read, joint, flags, made).also_unused(
+        found[name] = _with_springdamper(read, joint, flags, made).also_unused(
             *outside.get(name, ()), *_of_body(joint), *everywhere
         )
     return found
@@ -191,7 +195,9 @@ def _with_gear(read: ReadJoint, gear: MjcfJoint, *, degrees: bool, flags: set[st
     if stiffness := _spring(gear):
         rest += [f"range of {place(gear.element)}"] if gear.values.get("range") else []
         return replace(read, terms=replace(read.terms, compliance=1.0 / stiffness)).also_unused(*rest)
-    return replace(read, terms=replace(read.terms, backlash=_play(gear, degrees=degrees))).also_unused(*rest)
+    play = 0.0 if "limit" in flags else _play(gear, degrees=degrees)
+    rest += [] if play else [f"the play {place(gear.element)}, whose range is too wide or does not act"]
+    return replace(read, terms=replace(read.terms, backlash=play)).also_unused(*rest)
 
 
 def _passive(joint: MjcfJoint, *, degrees: bool, flags: set[str]) -> ReadJoint:
@@ -242,8 +248,12 @@ def _driven(read: ReadJoint, joint: MjcfJoint, flags: set[str], made: Any) -> Re
             damping=read.terms.damping + (0.0 if "damper" in flags else gear**2 * damping[0]),
         )
         read = replace(read, terms=terms).also_unused(*_unused(actuator))
-    first = drive_of(acting)
-    read = read if first is None else _with_drive(read, first, made)
+    first, (limit, told) = drive_of(acting), _joint_limit(joint)
+    read = read.also_unused(*told)
+    if first is not None:
+        read = _with_drive(read, first, made, limit)
+    elif limit < math.inf:
+        read = replace(read, terms=replace(read.terms, torque_limit=limit))
     for actuator in acting:
         if actuator is not first and actuator.enabled:
             read = _with_second(read, actuator, first)
@@ -292,9 +302,10 @@ def _unused(actuator: Actuator) -> list[str]:
     return found
 
 
-def _with_drive(read: ReadJoint, actuator: Actuator, made: Any) -> ReadJoint:
+def _with_drive(read: ReadJoint, actuator: Actuator, made: Any, joint_limit: float = math.inf) -> ReadJoint:
+    """The joint with its drive, whose force the joint limits to `joint_limit` [N m]."""
     if actuator.kind == "dcmotor":
-        return _with_dc_motor(read, actuator)
+        return _with_dc_motor(read, actuator, joint_limit)
     gear, unused = actuator.gear, list[str]()
     if actuator.kind == "pid":
         servo, kp = True, (actuator.numbers("kp", "1"))[0]
@@ -313,7 +324,8 @@ def _with_drive(read: ReadJoint, actuator: Actuator, made: Any) -> ReadJoint:
         [f"that the command of {actuator.name} is {gear:g} times the joint's (gear)"] if servo and gear != 1.0 else []
     )
     at_joint = (gear**2 if servo else gear) * kp
-    limits, told = _limits(actuator, servo=servo, kp=at_joint)
+    force, command, told = _limits(actuator, servo=servo, kp=at_joint)
+    limits, beside = _with_damping_inside(min(force, joint_limit), command, 0.0 if servo else gear**2 * kv, actuator)
     terms = replace(
         read.terms,
         drive="position_servo" if servo else "torque",
@@ -321,34 +333,53 @@ def _with_drive(read: ReadJoint, actuator: Actuator, made: Any) -> ReadJoint:
         lag=actuator.filter,
         integral_rate=rate,
         delay=(actuator.numbers("delay", "0") or [0.0])[0],
-        torque_limit=min(limits, default=None),
+        damping=read.terms.damping + (0.0 if servo else gear**2 * kv),
+        **limits,
     )
-    if not servo:
-        inside = 0.0 if actuator.limits("ctrlrange") and not actuator.limits("forcerange") else gear**2 * kv
-        terms = replace(terms, damping=terms.damping + gear**2 * kv, derivative_gain=inside)
     found = replace(read, driven=True, derivative_gain=gear**2 * kv if servo else 0.0, terms=terms)
-    return found.also_unused(*unused, *told)
+    return found.also_unused(*unused, *told, *beside)
 
 
-def _limits(actuator: Actuator, *, servo: bool, kp: float) -> tuple[list[float], list[str]]:
-    """Limits of the torque, and what is not used of limits."""
+def _with_damping_inside(
+    whole: float, command: float, damping: float, actuator: Actuator
+) -> tuple[dict[str, Any], list[str]]:
+    """Fields of the terms for the smaller limit of the torque, and the other one, which is not used.
+
+    Args:
+        whole: Limit of the torque with the drive's damping [N m]; infinite: none.
+        command: Limit of the torque of the command alone [N m]; infinite: none.
+        damping: Of the drive [N m s/rad]; without it both are the same limit.
+        actuator: The drive.
+    """
+    limit = min(whole, command)
+    told = (
+        [f"the larger limit of {actuator.name}, which has a ctrlrange and a limit of the force"]
+        if damping and max(whole, command) < math.inf
+        else []
+    )
+    inside = damping if whole < command else 0.0
+    return {"torque_limit": limit if limit < math.inf else None, "derivative_gain": inside}, told
+
+
+def _limits(actuator: Actuator, *, servo: bool, kp: float) -> tuple[float, float, list[str]]:
+    """Limits of the torque by the force and by the command, infinite for none, and what is not used of limits."""
     force, command = actuator.limits("forcerange"), actuator.limits("ctrlrange")
-    found, unused = [], []
+    of_force, of_command, unused = math.inf, math.inf, []
     if force is not None:
         if _is_symmetric(force):
-            found.append(abs(actuator.gear) * force[1])
+            of_force = abs(actuator.gear) * force[1]
         else:
             unused.append(f"forcerange of {actuator.name}, which is not symmetric")
     if command is not None:
         if servo or not _is_symmetric(command):
             unused.append(f"ctrlrange of {actuator.name}")
         else:
-            found.append(abs(kp) * command[1])
+            of_command = abs(kp) * command[1]
     if actuator.values.get("inheritrange"):
         unused.append(f"inheritrange of {actuator.name}")
     if actuator.values.get("actrange") and actuator.values.get("actlimited") != "false":
         unused.append(f"actrange of {actuator.name}")
-    return found, unused
+    return of_force, of_command, unused
 
 
 def _is_symmetric(limits: tuple[float, float]) -> bool:
@@ -382,7 +413,7 @@ def _motor_constants(actuator: Actuator) -> tuple[float, float] | None:
     return math.sqrt(constants[0] * constants[-1]), resistance
 
 
-def _with_dc_motor(read: ReadJoint, actuator: Actuator) -> ReadJoint:
+def _with_dc_motor(read: ReadJoint, actuator: Actuator, joint_limit: float) -> ReadJoint:
     """The force is gear k/R (V - k gear v)."""
     constants = _motor_constants(actuator)
     if constants is None:
@@ -394,8 +425,9 @@ def _with_dc_motor(read: ReadJoint, actuator: Actuator) -> ReadJoint:
     torque, current = [*actuator.numbers("saturation"), 0.0, 0.0][:2]
     force = actuator.limits("forcerange")  # default classes hand it on to a dcmotor, which has no such attribute
     torque = min((x for x in (torque, force[1] if force else 0.0) if x > 0.0), default=0.0)
-    whole = min((limit for limit in (abs(gear) * torque, abs(k) * current) if limit > 0.0), default=math.inf)
+    whole = min(joint_limit, *(limit or math.inf for limit in (abs(gear) * torque, abs(k) * current)))
     of_voltage = abs(k) / resistance * voltage or math.inf
+    limits, beside = _with_damping_inside(whole, of_voltage, k**2 / resistance, actuator)
     inductance = [*actuator.numbers("inductance"), 0.0, 0.0]
     terms = replace(
         read.terms,
@@ -404,15 +436,13 @@ def _with_dc_motor(read: ReadJoint, actuator: Actuator) -> ReadJoint:
         damping=read.terms.damping + k**2 / resistance,
         delay=(actuator.numbers("delay", "0") or [0.0])[0],
         lag=inductance[1] or inductance[0] / resistance,
-        torque_limit=limit if (limit := min(whole, of_voltage)) < math.inf else None,
         torque_constant=k,
-        derivative_gain=k**2 / resistance if whole < of_voltage else 0.0,
+        **limits,
     )
     told = [f"ctrlrange of {actuator.name}, which is not symmetric"] if command is not None and not voltage else []
-    told += [f"saturation of {actuator.name} beside its ctrlrange"] if of_voltage <= whole < math.inf else []
     told += [f"that the inductance of {actuator.name} delays its back-EMF too"] if terms.lag else []
     told += [f"the voltage of saturation of {actuator.name}"] if any(actuator.numbers("saturation")[2:]) else []
-    return _with_motor_friction(replace(read, terms=terms, driven=True), actuator).also_unused(*told)
+    return _with_motor_friction(replace(read, terms=terms, driven=True), actuator).also_unused(*told, *beside)
 
 
 def _with_passive_motor(read: ReadJoint, actuator: Actuator) -> ReadJoint:
@@ -446,17 +476,24 @@ def _with_motor_friction(read: ReadJoint, actuator: Actuator) -> ReadJoint:
     return replace(read, terms=terms).also_unused(*unused)
 
 
-def _in_effect(read: ReadJoint, joint: MjcfJoint, flags: set[str], made: Any) -> ReadJoint:
-    """The joint with its limit of all actuators' torque, and with what MuJoCo makes of springdamper."""
+def _joint_limit(joint: MjcfJoint) -> tuple[float, list[str]]:
+    """Limit of the torque of all its actuators [N m], infinite for none, and what is not used of it."""
     span = joint.numbers("actuatorfrcrange", "")
-    if len(span) == 2 and joint.values.get("actuatorfrclimited") != "false" and span[0] < span[1]:
-        if _is_symmetric((span[0], span[1])):
-            several = sum(1 for each in joint.actuators if each.gear and each.enabled) > 1
-            if several and any(each.limits("forcerange") for each in joint.actuators):
-                read = read.also_unused("actuatorfrcrange, which limits several actuators together")
-            read = _with_joint_limit(read, span[1])
-        else:
-            read = read.also_unused("actuatorfrcrange, which is not symmetric")
+    if len(span) != 2 or joint.values.get("actuatorfrclimited") == "false" or span[0] >= span[1]:
+        return math.inf, []
+    if not _is_symmetric((span[0], span[1])):
+        return math.inf, ["actuatorfrcrange, which is not symmetric"]
+    acting = [each for each in joint.actuators if each.gear and each.enabled]
+    first = drive_of(acting)
+    plain = first is not None and (first.is_servo or first.kind == "pid")  # with dampers that it limits too
+    plain &= all(_is_velocity(each) for each in acting if each is not first)
+    if len(acting) < 2 or (plain and not any(each.limits("forcerange") for each in acting)):
+        return span[1], []
+    return span[1], ["actuatorfrcrange, which limits several actuators together"]
+
+
+def _with_springdamper(read: ReadJoint, joint: MjcfJoint, flags: set[str], made: Any) -> ReadJoint:
+    """The joint with what MuJoCo makes of springdamper."""
     if not any(joint.numbers("springdamper")):
         return read
     if made is None:
@@ -468,17 +505,6 @@ def _in_effect(read: ReadJoint, joint: MjcfJoint, flags: set[str], made: Any) ->
     if "damper" not in flags:
         terms = replace(terms, damping=terms.damping - joint.numbers("damping")[0] + damping)
     return replace(read, terms=terms)
-
-
-def _with_joint_limit(read: ReadJoint, limit: float) -> ReadJoint:
-    """The joint whose actuators' torque is clipped as a whole, a back-EMF or the damping of a servo included."""
-    terms = read.terms
-    if terms.torque_limit is not None and terms.torque_limit <= limit:
-        return read
-    inside = terms.derivative_gain
-    if terms.drive == "voltage" and terms.torque_constant is not None:
-        inside = terms.torque_constant * terms.kp
-    return replace(read, terms=replace(terms, torque_limit=limit, derivative_gain=inside))
 
 
 def _disabled(root: ET.Element) -> set[str]:
