@@ -17,7 +17,6 @@ from pydrake.multibody.tree import BodyIndex
 
 from drake_tc.errors import ParamsError
 from drake_tc.exchange.drake_run import no_warning_of_friction, without_shapes
-from drake_tc.exchange.mjcf import put_includes
 from drake_tc.exchange.mujoco_run import compiled, require_mujoco
 from drake_tc.exchange.xml_text import append, child, element, named, number, parsed, put, text, to_text, top
 from drake_tc.robot.link_changes import NAMES, central, changed, consistent, parameters_of
@@ -127,12 +126,7 @@ def _bodies(
     if into is None:
         raise ParamsError("a bench has no links: name the robot's file with --into")
     document = parsed(written)
-    root = top(document)
-    if target == "mjcf":
-        put_includes(root, into)
-        found = _of_mjcf(root, into, names)
-    else:
-        found = _of_drake(written, document, names)
+    found = _of_drake(written, document, names) if target != "mjcf" else _of_mjcf(top(document), into, names)
     return found, lambda: to_text(document)
 
 

@@ -335,10 +335,8 @@ def timestep(root: minidom.Element) -> float:
     Args:
         root: `<mujoco>`.
     """
-    for option in root.getElementsByTagName("option"):
-        if option.hasAttribute("timestep"):
-            return float(option.getAttribute("timestep"))
-    return 2e-3
+    options = root.getElementsByTagName("option")
+    return [2e-3, *(float(each.getAttribute("timestep")) for each in options if each.hasAttribute("timestep"))][-1]
 
 
 BENCH = """<mujoco model="drake_tc_bench">
@@ -370,7 +368,7 @@ def to_mjcf(projections: Sequence[Projection], into: Path | None = None, step: f
         _add_bench(root, projections)
     else:
         read_joints(into, ParamsError)  # refuses what is no number, and joints that other files make
-        put_includes(root, into)
+        put_includes(root, into.parent)
     joints = named(document, "joint", ("body", "frame"))
     before = states(xml_tree(root.toxml()))
     for projection in projections:
@@ -407,37 +405,23 @@ NAMING = ("joint", "joint1", "joint2")
 """Attributes by which sensors, couplings and tendons name a joint."""
 
 
-def put_includes(root: minidom.Element, path: Path) -> list[str]:
-    """Put the content of every included file in the place of its `<include>`; names of these files.
+def put_includes(element: minidom.Element, *folders: Path) -> None:
+    """Put the content of every included file in the place of its `<include>`.
 
     Args:
-        root: `<mujoco>`.
-        path: Of its file.
-
-    Raises:
-        ParamsError: a file that is not there, is no MJCF or includes itself.
+        element: Of a file that `read_joints` has read, so that there are all included files.
+        folders: That of the file, and those of the files that include each other.
     """
-    names: list[str] = []
-
-    def expand(element: minidom.Element, folders: tuple[Path, ...], inside: tuple[Path, ...]) -> None:
-        for node in [each for each in element.childNodes if isinstance(each, minidom.Element)]:
-            if node.tagName != "include":
-                expand(node, folders, inside)
-                continue
-            name = node.getAttribute("file")
-            found = included_path(name, folders)
-            if found is None or found.resolve() in inside:
-                why = "no such file" if found is None else "it includes itself"
-                raise ParamsError(f"{path}: <include file={name!r}>: {why}")
-            names.append(name)
-            other = imported(element, top(read_xml(found, "")))
-            expand(other, (*folders, found.parent), (*inside, found.resolve()))
-            for each in list(other.childNodes):
-                element.insertBefore(each, node)
-            element.removeChild(node)
-
-    expand(root, (path.parent,), (path.resolve(),))
-    return names
+    for node in [each for each in element.childNodes if isinstance(each, minidom.Element)]:
+        found = included_path(node.getAttribute("file"), folders) if node.tagName == "include" else None
+        if found is None:
+            put_includes(node, *folders)
+            continue
+        other = imported(element, top(read_xml(found, "")))
+        put_includes(other, *folders, found.parent)
+        for each in list(other.childNodes):
+            element.insertBefore(each, node)
+        element.removeChild(node)
 
 
 def _gears(
@@ -527,10 +511,14 @@ def _gear(
             if old is not None and (node is old or old.getAttribute("name") in names) and node.parentNode is not None:
                 node.parentNode.removeChild(node)
         return
-    made = old or new_element(element, "joint")
-    for attribute in ("class", "axis", "pos"):
-        if element.hasAttribute(attribute):
-            put(made, **{attribute: element.getAttribute(attribute)})
+    made = old
+    if made is None:
+        made = new_element(element, "joint")
+        put(
+            made,
+            **{each: element.getAttribute(each) for each in ("class", "axis", "pos") if element.hasAttribute(each)},
+        )
+        parent.insertBefore(made, element.nextSibling)  # type: ignore[arg-type]
     put(
         made,
         name=made.getAttribute("name") or projection.joint + end,
@@ -546,5 +534,3 @@ def _gear(
     else:
         put(made, springref="0", limited="false", range=None)
     put(made, stiffness=_polynomial(made, "stiffness", value if end == SPRING else 0.0))
-    if old is None:
-        parent.insertBefore(made, element.nextSibling)  # type: ignore[arg-type]

@@ -203,7 +203,7 @@ def _flat(path: Path, target: str) -> str:
     if target != "mjcf":
         return path.read_text(encoding="utf-8")
     document = read_xml(path, "mujoco")
-    put_includes(top(document), path)
+    put_includes(top(document), path.parent)
     return to_text(document)
 
 

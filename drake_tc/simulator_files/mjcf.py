@@ -297,9 +297,8 @@ def _is_velocity(each: Actuator) -> bool:
 def _unused(actuator: Actuator) -> list[str]:
     used = ACTUATOR_USED | {"dcmotor": DC_MOTOR_USED, "pid": PID_USED}.get(actuator.kind, set())
     found = [f"{name} of {actuator.name}" for name in actuator.values if name not in used]
-    for name in ("damping",):
-        found += [f"the further numbers of {name} of {actuator.name}"] if any(actuator.numbers(name)[1:]) else []
-    return found
+    further = [f"the further numbers of damping of {actuator.name}"] if any(actuator.numbers("damping")[1:]) else []
+    return found + further
 
 
 def _with_drive(read: ReadJoint, actuator: Actuator, made: Any, joint_limit: float = math.inf) -> ReadJoint:

@@ -179,11 +179,13 @@ def _with_transmission(joint: ReadJoint, transmission: ET.Element, of_joint: ET.
     motor = content(actuator, "motorInertia")
     armature = armature if inertia else motor * reduction**2
     gains = (attribute(actuator, f"{DRAKE}controller_gains", name) for name in ("p", "d"))
-    unused = [f"its {_word(each.tag)}" for each in actuator if each.tag not in ACTUATOR_USED | DRAKE_USED]
-    unused += [
-        f"its {_word(each.tag)}" for each in of_joint if each.tag not in ("hardwareInterface", "mechanicalReduction")
+    used = (ACTUATOR_USED | DRAKE_USED, {"hardwareInterface", "mechanicalReduction"}, TRANSMISSION_USED)
+    unused = [
+        f"its {_word(each.tag)}"
+        for part, known in zip(parts, used, strict=True)
+        for each in part
+        if each.tag not in known
     ]
-    unused += [f"its {_word(each.tag)}" for each in transmission if each.tag not in TRANSMISSION_USED]
     unused += [f"its further mechanicalReduction ({value:g})" for value in others if value != reduction]
     unused += [f"its mechanicalReduction ({reduction:g})"] if reduction != 1.0 and (inertia or not motor) else []
     unused += ["its motorInertia beside drake:rotor_inertia"] if inertia and motor else []
