@@ -151,7 +151,7 @@ def put_actuator(root: minidom.Element, projection: Projection) -> Terms:
         elif other is not place and (any(other.numbers("damping")) or any(other.numbers("armature"))):
             put(node, damping="0", armature="0")
     old = next((node for each, node in zip(before, mine, strict=True) if each is place), None)
-    element = old or append(child(root, "actuator"), "position")
+    element = old or _appended(root, "position")
     if (place.values.get("group", "0") if place else "0") in switched_off:
         free = [name for name in map(str, range(GROUPS)) if name not in switched_off]
         if not free:
@@ -234,7 +234,7 @@ def _put_friction(root: minidom.Element, terms: Terms, joint: str) -> Terms:
         if old is not None and old.parentNode is not None:
             old.parentNode.removeChild(old)
         return terms
-    made = old or append(child(root, "actuator"), "dcmotor")
+    made = old or _appended(root, "dcmotor")
     put(made, name=joint + FRICTION, joint=joint, input="none", motorconst=SMALL_CONSTANT, resistance=1.0)
     if _has_defaults(made):
         put(made, gear=1.0, damping="0", armature="0")
@@ -321,6 +321,11 @@ def _elements(parent: minidom.Element) -> list[minidom.Element]:
 def _groups(root: minidom.Element) -> list[minidom.Element]:
     """All `<actuator>` sections: MuJoCo merges them."""
     return [node for node in root.childNodes if isinstance(node, minidom.Element) and node.tagName == "actuator"]
+
+
+def _appended(root: minidom.Element, tag: str) -> minidom.Element:
+    """A new actuator after all others, whose controls keep their places."""
+    return append((_groups(root) or [child(root, "actuator")])[-1], tag)
 
 
 def _has_defaults(element: minidom.Element) -> bool:

@@ -311,6 +311,15 @@ def test_keyframes_and_sensors_follow_the_hinge_of_a_gear_that_comes_and_goes(tm
     assert "<jointpos> of your file was removed with the joint knee_backlash." in told
 
 
+def test_a_new_drive_stands_behind_the_others_whose_controls_keep_their_places(tmp_path):
+    last = '<body><joint name="wheel" class="main"/><geom size="0.1"/></body></worldbody>'
+    path = own_file(tmp_path, '<motor name="w" joint="wheel"/>')
+    text = path.read_text().replace("</worldbody>", last)
+    path.write_text(text.replace("</mujoco>", "<keyframe><key ctrl='0.7'/></keyframe></mujoco>"))
+    model = mujoco.MjModel.from_xml_string(to_mjcf(SERVO_OF_THE_KNEE, path))
+    assert model.actuator("w").id == 0 and model.key_ctrl[0].tolist() == [0.7, 0.0]
+
+
 def test_a_coupling_of_the_same_name_is_not_the_joint(tmp_path):
     path = own_file(tmp_path, SERVO_FILE)
     path.write_text(
