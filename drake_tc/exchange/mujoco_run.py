@@ -27,9 +27,8 @@ from drake_tc.exchange.projection import Projection
 from drake_tc.exchange.target_run import PointMass, RunInput, WrittenFile
 from drake_tc.exchange.xml_text import parsed
 from drake_tc.simulator_files.mjcf import ACTUATORS, PLAY, drive_of, gears_of, joints_of
-from drake_tc.simulator_files.mjcf_actuator import actuators
 from drake_tc.simulator_files.terms import Terms
-from drake_tc.simulator_files.xml_tree import Defaults, in_degrees, mujoco_module, xml_tree
+from drake_tc.simulator_files.xml_tree import in_degrees, mujoco_module, xml_tree
 from drake_tc.types import FloatArray
 
 Version = tuple[int, ...]
@@ -213,7 +212,7 @@ def _simulate(file: WrittenFile, given: RunInput, *, recorded_load: bool) -> Flo
     if recorded_load:
         model.body_mass[1:], model.body_inertia[1:], model.opt.gravity[:] = WEIGHTLESS, WEIGHTLESS, 0.0
         model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
-    number = [each.element for each in actuators(tree, Defaults(tree))].index(drive.element)
+    number = drive.number
     control = int(model.actuator_ctrladr[number]) if hasattr(model, "actuator_ctrladr") else number
     unit = drive.gear if file.gear_of_command and (drive.is_servo or drive.kind == "pid") else 1.0
     data.qpos[at.qposadr[0]], data.qvel[at.dofadr[0]] = given.start

@@ -18,7 +18,16 @@ from typing import Any
 
 from drake_tc.simulator_files.mjcf_actuator import ACTUATORS, Actuator, actuators
 from drake_tc.simulator_files.terms import ReadJoint, Ripple, StribeckPeak, Terms
-from drake_tc.simulator_files.xml_tree import Attributes, Defaults, bodies, finite, in_degrees, place, with_includes
+from drake_tc.simulator_files.xml_tree import (
+    Attributes,
+    Defaults,
+    bodies,
+    finite,
+    in_degrees,
+    mujoco_module,
+    place,
+    with_includes,
+)
 
 __all__ = [
     "ACTUATORS",
@@ -565,24 +574,11 @@ class _Compiled:
     """What only MuJoCo's compiler knows of a file: numbers that depend on inertias of its bodies."""
 
     def __init__(self, path: Path) -> None:
-        from drake_tc.simulator_files.xml_tree import mujoco_module
-
-        self.mujoco = mujoco_module()
-        self.model = self.mujoco.MjModel.from_xml_path(str(path))
+        self.model = mujoco_module().MjModel.from_xml_path(str(path))
 
     def damping(self, actuator: Actuator) -> float:
         """Kv of a servo with a damping ratio, before the gear."""
-        kinds = self.mujoco.mjtTrn
-        joint = actuator.values.get("joint") or actuator.values.get("jointinparent")
-        number = self.model.joint(joint).id
-        found = [
-            i
-            for i in range(len(self.model.actuator_trntype))
-            if self.model.actuator_trntype[i] == int(kinds.mjTRN_JOINT) and self.model.actuator_trnid[i][0] == number
-        ]
-        name = actuator.element.get("name")
-        named = [i for i in found if name and self.model.actuator(i).name == name]
-        return -float(self.model.actuator_biasprm[(named or found)[0]][2])
+        return -float(self.model.actuator_biasprm[actuator.number][2])
 
     def spring(self, joint: MjcfJoint) -> tuple[float, float, float]:
         """Stiffness, damping and rest position."""

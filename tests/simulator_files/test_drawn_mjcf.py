@@ -193,6 +193,15 @@ def test_limits_and_plays_that_are_not_taken_are_listed(tmp_path, parts, told):
     assert any(told in each for each in read_one(tmp_path, **parts).unused)
 
 
+def test_a_damping_ratio_is_that_of_the_actuator_itself(tmp_path):
+    """Neither of two actuators of the joint has a name."""
+    mujoco = pytest.importorskip("mujoco", minversion="3.12")
+    drives = '<motor joint="a"/><position joint="a" kp="9" dampratio="0.7"/>'
+    joint = read_one(tmp_path, actuators=drives)
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "one.xml"))
+    assert joint.derivative_gain == pytest.approx(-model.actuator_biasprm[1][2]) != 0.0
+
+
 def test_soft_dry_friction_and_a_drive_that_is_switched_off_are_listed(tmp_path):
     joint = 'frictionloss="0.5" solreffriction="0.2 1"'
     drive = {"options": '<option actuatorgroupdisable="1"/>', "actuators": '<position joint="a" group="1"/>'}
