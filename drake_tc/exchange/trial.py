@@ -253,13 +253,10 @@ def changes(text: str, projections: Sequence[Projection], into: Path) -> list[st
         left += (
             [f"a dry friction of {more:.4g} N m beside the model's"] if more > SAME * each.terms.frictionloss else []
         )
-        left += [told for told in dict.fromkeys(still) if told in words or told.endswith(DISABLED)]
-        if gone:
-            told = f"{each.joint}: removed from your file, because the model does not have it: {', '.join(gone)}."
-            lines.append(in_units_of(each.joint_type, told))
-        if left:
-            told = f"{each.joint}: kept from your file, although the model does not have it: {', '.join(left)}."
-            lines.append(in_units_of(each.joint_type, told))
+        left += [told for told in dict.fromkeys(still) if told in words or "range" in told or told.endswith(DISABLED)]
+        for what, why, found in (("removed", "because", gone), ("kept", "although", left)):
+            told = f"{each.joint}: {what} from your file, {why} the model does not have it: {', '.join(found)}."
+            lines += [in_units_of(each.joint_type, told)] if found else []
     return lines
 
 

@@ -211,10 +211,7 @@ def _extensions(root: ET.Element) -> Iterator[tuple[str, str]]:
 def _plugins(parent: ET.Element) -> Iterator[tuple[str, str]]:
     """(text, plugin) of the plugins and of every text in them, which may name a joint, such as that of a controller."""
     for plugin in parent.iter("plugin"):
-        texts = [
-            text for each in plugin.iter() for text in (each.text, each.get("name")) if text and each is not plugin
-        ]
-        for text in dict.fromkeys(text.strip() for text in texts):
+        for text in dict.fromkeys((each.text or "").strip() or each.get("name", "") for each in plugin.iter()):
             yield text, f"its {place(plugin)}"
 
 

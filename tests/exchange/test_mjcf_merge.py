@@ -393,6 +393,14 @@ def test_a_file_that_cannot_be_read_is_refused_in_one_line(tmp_path, actuator, t
         to_mjcf(SERVO_OF_THE_KNEE, own_file(tmp_path, f'<motor joint="knee" {actuator}/>'))
 
 
+@pytest.mark.parametrize("actuator", ['general name="a" biastype="affine" biasprm="0 -1 0"', 'velocity name="a"'])
+def test_limits_that_stay_are_told_although_the_drive_has_another_tag(tmp_path, actuator):
+    path = own_file(tmp_path, f'<{actuator} joint="knee" forcerange="-1 2" ctrlrange="-1 1"/>')
+    (*_, kept) = changes(to_mjcf(SERVO_OF_THE_KNEE, path), SERVO_OF_THE_KNEE, path)
+    assert "kept from your file" in kept and "forcerange of <position name='a'>, which is not symmetric" in kept
+    assert ("ctrlrange of <position name='a'>" in kept) == ("general" in actuator)
+
+
 def test_a_written_file_that_mujoco_refuses_is_named(tmp_path):
     default = '<general dyntype="filter" dynprm="0.1" actlimited="true" actrange="-1 1"/>'
     path = own_file(tmp_path, '<general class="arm" name="a" joint="knee"/>', default)
