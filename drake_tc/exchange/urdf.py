@@ -90,6 +90,14 @@ def _joint(element: minidom.Element, projection: Projection, *, friction: bool) 
     put(child(element, "dynamics"), damping=damping, friction=terms.frictionloss if friction else None)
     if terms.torque_limit is not None:
         put(child(element, "limit"), effort=terms.torque_limit)
+    for limit in element.getElementsByTagName("limit"):
+        if not friction and _is_zero(limit.getAttribute("effort")):
+            put(limit, effort=None)
+
+
+def _is_zero(effort: str) -> bool:
+    """Whether a limit is the placeholder 0: Drake makes no actuator of such a joint."""
+    return "0" in effort and not effort.strip(" 0.")
 
 
 def _drake(root: minidom.Element, projection: Projection) -> None:
@@ -194,6 +202,9 @@ def to_sdf(projections: Sequence[Projection], into: Path | None = None) -> str:
             _set(child(dynamics, "spring_reference"), -terms.preload / terms.stiffness if terms.stiffness else 0.0)
         if terms.torque_limit is not None:
             _set(child(child(axis, "limit"), "effort"), terms.torque_limit)
+        for effort in axis.getElementsByTagName("effort") if gains else ():
+            if effort.firstChild is not None and _is_zero(str(effort.firstChild.nodeValue)):
+                _set(effort, "-1")
     return to_text(document)
 
 

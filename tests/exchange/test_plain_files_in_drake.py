@@ -223,3 +223,18 @@ def test_a_joint_moves_alike_whether_other_joints_of_the_file_are_driven(kind):
     ]
     np.testing.assert_allclose(runs[1], runs[0], atol=1e-12)
     assert np.ptp(runs[0]) > 0.01
+
+
+@FORMATS
+def test_a_limit_of_0_does_not_cost_the_servo_its_actuator(tmp_path, kind):
+    """Tools that export robots write 0 where they know none."""
+    gains = '<drake:controller_gains p="9" d="2"/>'
+    text = {"urdf": URDF, "sdf": SDF.replace("{dynamics}</axis>", f"</axis>{gains}")}[kind]
+    path = tmp_path / f"mine.{kind}"
+    path.write_text(text.format(dynamics="").replace("0.6", "0"), encoding="utf-8")
+    model = ActuatorModel("joint", Drive("position_servo", 0.5), (EffectValue("viscous", {"viscous": 4.0}),))
+    projections = [project(model, TARGETS["drake-urdf" if kind == "urdf" else "sdf"])]
+    written = to_urdf(projections, path, drake=True) if kind == "urdf" else to_sdf(projections, path)
+    plant = MultibodyPlant(1e-3)
+    Parser(plant).AddModelsFromString(written, kind)
+    assert plant.GetJointActuatorByName("joint").get_controller_gains().p == pytest.approx(2.0)
