@@ -11,12 +11,10 @@ from typing import Any
 from xml.dom import minidom
 
 import numpy as np
-from pydrake.multibody.parsing import Parser
-from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import BodyIndex
 
 from drake_tc.errors import ParamsError
-from drake_tc.exchange.drake_run import no_warning_of_friction, without_shapes
+from drake_tc.exchange.drake_run import loaded, refusing
 from drake_tc.exchange.mujoco_run import compiled, require_mujoco
 from drake_tc.exchange.xml_text import append, child, element, named, number, parsed, put, text, to_text, top
 from drake_tc.robot.link_changes import NAMES, central, changed, consistent, parameters_of
@@ -132,14 +130,9 @@ def _bodies(
 
 def _of_drake(written: str, document: minidom.Document, names: Sequence[str]) -> dict[str, Body]:
     """Links of a URDF or SDFormat file, by Drake's parser."""
-    bare, kind = without_shapes(written)
-    plant: Any = MultibodyPlant(0.0)
-    try:
-        with no_warning_of_friction():
-            Parser(plant).AddModelsFromString(bare, kind)
+    plant = loaded(written)
+    with refusing():
         plant.Finalize()
-    except (RuntimeError, ValueError) as error:
-        raise ParamsError(f"Drake refuses the file: {' '.join(str(error).split())}") from None
     elements = named(document, "link", ("robot", "model"))
     bodies = [plant.get_body(index).name() for index in map(BodyIndex, range(plant.num_bodies()))]
     found = {}
@@ -147,7 +140,7 @@ def _of_drake(written: str, document: minidom.Document, names: Sequence[str]) ->
         if name not in elements or bodies.count(name) != 1:
             continue
         own, whole = parameters_of(plant, name)
-        write = _write_urdf if kind == "urdf" else _write_sdf
+        write = _write_urdf if top(document).tagName == "robot" else _write_sdf
         found[name] = Body(own, whole, partial(write, elements[name]))
     return found
 

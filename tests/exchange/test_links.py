@@ -132,6 +132,16 @@ def test_what_no_link_or_several_have_by_name_is_not_written(tmp_path):
     assert "was not written: many.xml has no link of this name, or several" in told
 
 
+def test_links_of_a_file_whose_joints_form_a_loop_are_not_written(tmp_path):
+    loop = (
+        '<joint name="b" type="revolute"><parent link="tool"/><child link="base"/><axis xyz="0 1 0"/></joint></robot>'
+    )
+    (told,) = with_links(URDF.replace("</robot>", loop), "urdf", tmp_path / "robot.urdf", [MASS], {})[1]
+    assert (
+        "was not written: Drake refuses the file: The bodies and joints of this system form one or more loops" in told
+    )
+
+
 def test_a_mass_that_would_be_negative_is_not_written(tmp_path):
     written, (told,) = with_links(URDF, "urdf", tmp_path / "robot.urdf", [MASS | {"mass": -5.0}], {})
     assert written.endswith(URDF) and "was not written: a link of 2.5 kg cannot be changed by it" in told
