@@ -244,7 +244,9 @@ def changes(text: str, projections: Sequence[Projection], into: Path) -> list[st
             if getattr(was.terms, name) and not getattr(now.terms, name) and not getattr(each.terms, name)
         ]
         words, still = ([_LINE.sub("", told) for told in found.unused] for found in (was, now))
-        gone += [told for told in words if told not in still and told.startswith(DRIVING)]
+        kinds = [_TAG.sub("<", told) for told in still]  # the drive may have another tag
+        acting = [told for told in words if told.startswith(DRIVING) or "range of" in told]
+        gone += [told for told in acting if _TAG.sub("<", told) not in kinds]
         if was.driven and (not now.driven or was.terms.drive != now.terms.drive):
             gone.append(f"a drive whose command is a {was.terms.drive.removesuffix('_servo')}")
         more = now.with_servo_damping().damping - each.terms.damping
@@ -288,10 +290,11 @@ LEFTOVERS: Mapping[str, str] = MappingProxyType(
 )
 """Terms that a file may have and a model lack, in words."""
 _INCLUDE = re.compile(r"<include\s+file=[\"']([^\"']+)")
-DRIVING = ("its actuator", "the command of", "the constant force of")
+DRIVING = ("its actuator", "the command of", "the constant force of", "that the command of")
 """Begins of what is not used of a file and drives a joint."""
 DISABLED = "which <flag> disables"
 _LINE = re.compile(r" in line \d+")
+_TAG = re.compile(r"<\w+")
 
 
 SAME = 1e-6

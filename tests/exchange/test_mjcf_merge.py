@@ -233,6 +233,7 @@ LEFT = {
         "<general joint='knee' gainprm='5' biastype='affine' biasprm='0.5 -5 0'/>",
         "the constant force of <general>",
     ),
+    "gear": ("", "<position joint='knee' kp='5' gear='4'/>", "is 4 times the joint's (gear)"),
     "another drive": ("", "<motor joint='knee' gear='3'/>", "a drive whose command is a torque"),
     "integral": ("", "<pid joint='knee' kp='5' ki='10'/>", "integral action of 2 1/s"),
     "cogging": (
@@ -399,6 +400,13 @@ def test_limits_that_stay_are_told_although_the_drive_has_another_tag(tmp_path, 
     (*_, kept) = changes(to_mjcf(SERVO_OF_THE_KNEE, path), SERVO_OF_THE_KNEE, path)
     assert "kept from your file" in kept and "forcerange of <position name='a'>, which is not symmetric" in kept
     assert ("ctrlrange of <position name='a'>" in kept) == ("general" in actuator)
+
+
+def test_a_limit_that_goes_is_told(tmp_path):
+    path = own_file(tmp_path, "<position joint='knee' kp='5' inheritrange='1'/>")
+    path.write_text(path.read_text().replace('stiffness="0"', 'range="-9 9"'))
+    removed, _kept = changes(to_mjcf(SERVO_OF_THE_KNEE, path), SERVO_OF_THE_KNEE, path)
+    assert "removed from your file" in removed and "inheritrange of <position>" in removed
 
 
 def test_a_written_file_that_mujoco_refuses_is_named(tmp_path):
