@@ -238,7 +238,7 @@ def _passive(joint: MjcfJoint, *, degrees: bool, flags: set[str]) -> ReadJoint:
         stiffness=spring,
         preload=-spring * rest,
     )
-    return ReadJoint(terms, unused=tuple(unused))
+    return ReadJoint(terms, unused=tuple(unused), joint_type="prismatic" if joint.kind == "slide" else "revolute")
 
 
 def _driven(read: ReadJoint, joint: MjcfJoint, flags: set[str], made: Any) -> ReadJoint:

@@ -24,6 +24,7 @@ from pathlib import Path
 from types import MappingProxyType
 
 from drake_tc.config.files import is_file
+from drake_tc.config.joint_units import JointType
 from drake_tc.config.quoted import located
 from drake_tc.errors import ParamsError
 from drake_tc.simulator_files.terms import ReadJoint, Terms
@@ -145,7 +146,11 @@ def _joint(joint: ET.Element) -> ReadJoint:
         for child in joint.findall(tag)[:1]:
             inside = (*(name for name in child.attrib if name not in used), *(each.tag for each in child))
             unused += [f"{_word(name)} of its {tag}" for name in inside]
-    return ReadJoint(terms, unused=tuple(unused))
+    return ReadJoint(terms, unused=tuple(unused), joint_type=_type_of(joint))
+
+
+def _type_of(joint: ET.Element) -> JointType:
+    return "prismatic" if joint.get("type") == "prismatic" else "revolute"
 
 
 def _motion(joint: ET.Element) -> list[str]:
@@ -348,7 +353,9 @@ def _read(joint: ET.Element) -> ReadJoint:
     )
     inertia, ratio = content(joint, f"{DRAKE}rotor_inertia"), content(joint, f"{DRAKE}gear_ratio") or 1.0
     gains = (attribute(joint, f"{DRAKE}controller_gains", name) for name in ("p", "d"))
-    return with_drake(ReadJoint(terms), inertia * ratio**2, *gains).also_unused(*_unused(joint))
+    return with_drake(ReadJoint(terms, joint_type=_type_of(joint)), inertia * ratio**2, *gains).also_unused(
+        *_unused(joint)
+    )
 
 
 def _unused(joint: ET.Element) -> list[str]:
