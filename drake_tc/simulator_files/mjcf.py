@@ -365,7 +365,7 @@ def _with_damping_inside(
         if damping and max(whole, command) < math.inf
         else []
     )
-    inside = damping if whole < command else 0.0
+    inside = (damping or 0.0) if whole < command else 0.0
     return {"torque_limit": limit if limit < math.inf else None, "derivative_gain": inside}, told
 
 
