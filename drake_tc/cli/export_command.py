@@ -220,11 +220,17 @@ def _write_networks(
 
 def _file_notes(to: Target, text: str, projections: "Sequence[Projection]", into: Path | None) -> list[str]:
     """Sentences on what the written file needs."""
+    from drake_tc.exchange.drake_run import loaded
     from drake_tc.exchange.mujoco_run import file_notes
 
     if to is Target.bam and into is None:
         return ["BAM loads a file whose entry `actuator` names one of its servos: add it, or give --into."]
-    return file_notes(text, projections) if to in MJCF else []
+    if to is Target.drake_urdf:
+        try:
+            loaded(text)
+        except ParamsError as problem:
+            return [f"The written file cannot be loaded: {problem}."]
+    return file_notes(text, projections, into) if to in MJCF else []
 
 
 def _errors(

@@ -8,7 +8,7 @@ these tags does not have is not in the run either; the gain is that of the user'
 import logging
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -94,15 +94,7 @@ def _simulate(
     file: WrittenFile, pendulum: Link | None, given: RunInput, *, own_links: bool, armature: float | None = None
 ) -> FloatArray:
     """The run of a file, whose links are its own or that of the run, with another rotor inertia if one is given."""
-    text, kind = without_shapes(file.text)
-    plant: Any = MultibodyPlant(given.step)
-    if pendulum is None or not own_links:
-        text = _with_link(text, pendulum)
-    try:
-        with no_warning_of_friction():
-            Parser(plant).AddModelsFromString(text, kind)
-    except (RuntimeError, ValueError) as error:
-        raise ParamsError(f"Drake refuses the exported model: {' '.join(str(error).split())}") from None
+    plant = loaded(file.text, given.step, lambda text: text if pendulum and own_links else _with_link(text, pendulum))
     joints = [plant.get_joint(index) for index in plant.GetJointIndices()]
     inner = {int(joint.child_body().index()) for joint in joints}
     for body in (plant.get_body(BodyIndex(i)) for i in range(1, plant.num_bodies())):
@@ -120,7 +112,8 @@ def _simulate(
         own.set_controller_gains(PdControllerGains(p=file.servo[0], d=file.servo[1]))
     if pendulum is None:
         plant.mutable_gravity_field().set_gravity_vector(np.zeros(3))
-    plant.Finalize()
+    with refusing():
+        plant.Finalize()
     simulator = Simulator(plant)
     context = simulator.get_mutable_context()
     position, velocity = given.start
@@ -132,19 +125,19 @@ def _simulate(
             other.Lock(context)
     instance = joint.model_instance()
     found = [plant.get_joint_actuator(index) for index in plant.GetJointActuatorIndices(instance)]
-    servos = [each.index() for each in found if each.has_controller()]
+    place = [each.index() for each in found].index(own.index())
     load, at = plant.get_applied_generalized_force_input_port(), joint.velocity_start()
     forces: Any = np.zeros(plant.num_velocities())
     positions = np.full(given.command.size, np.nan)
     for i, u in enumerate(given.command):
         positions[i] = plant.GetPositions(context)[joint.position_start()]
         if own.has_controller():
-            desired: Any = np.zeros(2 * len(servos))
-            desired[servos.index(own.index())] = u
+            desired: Any = np.zeros(2 * len(found))
+            desired[place] = u
             plant.get_desired_state_input_port(instance).FixValue(context, desired)
         else:
             pushed: Any = np.zeros(len(found))
-            pushed[[each.index() for each in found].index(own.index())] = file.torque_for_one * u
+            pushed[place] = file.torque_for_one * u
             plant.get_actuation_input_port(instance).FixValue(context, pushed)
         forces[at] = -given.load[i]
         load.FixValue(context, forces)
@@ -154,7 +147,38 @@ def _simulate(
     return positions
 
 
-def without_shapes(text: str) -> tuple[str, str]:
+def loaded(text: str, step: float = 0.0, change: Callable[[str], str] = str) -> Any:
+    """A plant that is not finalized, of a URDF or SDFormat file without its shapes.
+
+    Args:
+        text: Of the file.
+        step: Of the plant [s].
+        change: Of the text, before it is parsed.
+
+    Raises:
+        ParamsError: Drake refuses the file.
+    """
+    plant: Any = MultibodyPlant(step)
+    bare, kind = _without_shapes(text)
+    with refusing(), _no_warning_of_friction():
+        Parser(plant).AddModelsFromString(change(bare), kind)
+    return plant
+
+
+@contextmanager
+def refusing() -> Iterator[None]:
+    """Drake's errors about a file as one of ours.
+
+    Raises:
+        ParamsError: Drake refuses it.
+    """
+    try:
+        yield
+    except (RuntimeError, ValueError) as error:
+        raise ParamsError(f"Drake refuses the file: {' '.join(str(error).split())}") from None
+
+
+def _without_shapes(text: str) -> tuple[str, str]:
     """A URDF or SDFormat file without visual and collision shapes, for Drake's parser, and which of them it is.
 
     Args:
@@ -189,7 +213,7 @@ def _with_link(text: str, pendulum: Link | None) -> str:
 
 
 @contextmanager
-def no_warning_of_friction() -> Iterator[None]:
+def _no_warning_of_friction() -> Iterator[None]:
     """Without Drake's warning that the friction of a joint is not used."""
 
     def unless_friction(record: logging.LogRecord) -> bool:

@@ -11,14 +11,12 @@ from typing import Any
 from xml.dom import minidom
 
 import numpy as np
-from pydrake.multibody.parsing import Parser
-from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import BodyIndex
 
 from drake_tc.errors import ParamsError
-from drake_tc.exchange.drake_run import no_warning_of_friction, without_shapes
-from drake_tc.exchange.mjcf import put_includes
-from drake_tc.exchange.mujoco_run import require_mujoco
-from drake_tc.exchange.xml_text import append, child, element, number, parsed, put, text, to_text, top
+from drake_tc.exchange.drake_run import loaded, refusing
+from drake_tc.exchange.mujoco_run import compiled, require_mujoco
+from drake_tc.exchange.xml_text import append, child, element, named, number, parsed, put, text, to_text, top
 from drake_tc.robot.link_changes import NAMES, central, changed, consistent, parameters_of
 from drake_tc.types import FloatArray
 
@@ -71,7 +69,7 @@ def with_links(
     for name in where:
         mine = [each for each in causes if each.get("where") == name]
         if name not in bodies:
-            why = reason or f"{into.name if into else 'the file'} has no link of this name"
+            why = reason or f"{into.name if into else 'the file'} has no link of this name, or several"
             told += [f"{_named(each)} was not written: {why}." for each in mine]
             told += [f"{name}: its fitted inertial parameters are not written: {why}."] if name in links else []
             continue
@@ -86,11 +84,13 @@ def _put(name: str, body: Body, causes: Sequence[Mapping[str, Any]], fitted: Map
         told.append(f"{name}: its fitted inertial parameters were written")
     for cause in causes:
         found = changed(whole, cause)
-        if found is None:
-            told.append(f"{_named(cause)} was not written: the target has no such error of a link")
+        if found is None or found[0] <= 0.0:
+            told.append(f"{_named(cause)} was not written: a link of {whole[0]:.4g} kg cannot be changed by it")
             continue
         whole = found
         told.append(f"{_named(cause)} was written")
+    if np.array_equal(whole, body.whole):
+        return [f"{line}." for line in told]
     own = consistent(body.own + whole - body.whole)
     body.write(own)
     moved = np.abs(own - (body.own + whole - body.whole)).max()
@@ -124,32 +124,23 @@ def _bodies(
     if into is None:
         raise ParamsError("a bench has no links: name the robot's file with --into")
     document = parsed(written)
-    root = top(document)
-    if target == "mjcf":
-        put_includes(root, into)
-        found = _of_mjcf(root, into, names)
-    else:
-        found = _of_drake(written, root, names)
+    found = _of_drake(written, document, names) if target != "mjcf" else _of_mjcf(top(document), into, names)
     return found, lambda: to_text(document)
 
 
-def _of_drake(written: str, root: minidom.Element, names: Sequence[str]) -> dict[str, Body]:
+def _of_drake(written: str, document: minidom.Document, names: Sequence[str]) -> dict[str, Body]:
     """Links of a URDF or SDFormat file, by Drake's parser."""
-    bare, kind = without_shapes(written)
-    plant: Any = MultibodyPlant(0.0)
-    try:
-        with no_warning_of_friction():
-            Parser(plant).AddModelsFromString(bare, kind)
+    plant = loaded(written)
+    with refusing():
         plant.Finalize()
-    except (RuntimeError, ValueError) as error:
-        raise ParamsError(f"Drake refuses the file: {' '.join(str(error).split())}") from None
-    elements = {each.getAttribute("name"): each for each in root.getElementsByTagName("link")}
+    elements = named(document, "link", ("robot", "model"))
+    bodies = [plant.get_body(index).name() for index in map(BodyIndex, range(plant.num_bodies()))]
     found = {}
     for name in names:
-        if name not in elements or not plant.HasBodyNamed(name):
+        if name not in elements or bodies.count(name) != 1:
             continue
         own, whole = parameters_of(plant, name)
-        write = _write_urdf if kind == "urdf" else _write_sdf
+        write = _write_urdf if top(document).tagName == "robot" else _write_sdf
         found[name] = Body(own, whole, partial(write, elements[name]))
     return found
 
@@ -188,21 +179,21 @@ def _write_sdf(link: minidom.Element, parameters: FloatArray) -> None:
 def _of_mjcf(root: minidom.Element, into: Path, names: Sequence[str]) -> dict[str, Body]:
     """Bodies of an MJCF file, by MuJoCo's compiler."""
     mujoco: Any = require_mujoco()
+
+    def with_all_bodies(spec: Any) -> None:
+        spec.compiler.fusestatic = False
+
     for each in root.getElementsByTagName("compiler"):
         if each.getAttribute("inertiafromgeom") == "true" or each.getAttribute("settotalmass"):
             raise ParamsError("the file's compiler makes its inertias (inertiafromgeom, settotalmass)")
-    try:
-        spec = mujoco.MjSpec.from_string(root.toxml())
-        spec.modelfiledir = str(into.parent)
-        model = spec.compile()
-    except ValueError as error:
-        raise ParamsError(f"MuJoCo refuses the file: {' '.join(str(error).split())}") from None
+    model = compiled(root.toxml(), into.parent, with_all_bodies)
     elements = {each.getAttribute("name"): each for each in root.getElementsByTagName("body")}
+    numbers = {model.body(i).name: i for i in range(model.nbody)}
     found = {}
     for name in names:
-        if name not in elements:
+        if name not in elements or name not in numbers:
             continue
-        number_of = model.body(name).id
+        number_of = numbers[name]
         own = _of_body(mujoco, model, number_of)
         whole = own + sum(
             (_moved(mujoco, model, at, number_of) for at in _welded(model, number_of)), np.zeros(len(NAMES))

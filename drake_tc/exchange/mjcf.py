@@ -31,6 +31,7 @@ module takes them for is tested in MuJoCo itself; `mujoco_run` has the versions 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from pathlib import Path
 from xml.dom import minidom
 
@@ -38,10 +39,20 @@ from drake_tc.errors import ParamsError
 from drake_tc.exchange.projection import Loss, Projection, Vocabulary
 from drake_tc.exchange.xml_text import append, child, imported, named, number, parsed, put, read_xml, to_text, top
 from drake_tc.exchange.xml_text import element as new_element
-from drake_tc.simulator_files.mjcf import ACTUATORS, PLAY, disabled_groups, drive_of, gears_of, joints_of
+from drake_tc.simulator_files.mjcf import (
+    ACTUATORS,
+    PLAY,
+    MjcfJoint,
+    disabled_groups,
+    drive_of,
+    gears_of,
+    joints_of,
+    terms_of_drive,
+)
 from drake_tc.simulator_files.mjcf_actuator import Actuator
+from drake_tc.simulator_files.read import read_joints
 from drake_tc.simulator_files.terms import Ripple, Terms
-from drake_tc.simulator_files.xml_tree import included_path, xml_tree
+from drake_tc.simulator_files.xml_tree import Widths, in_degrees, included_path, states, xml_tree
 
 
 @dataclass(frozen=True)
@@ -140,7 +151,7 @@ def put_actuator(root: minidom.Element, projection: Projection) -> Terms:
         elif other is not place and (any(other.numbers("damping")) or any(other.numbers("armature"))):
             put(node, damping="0", armature="0")
     old = next((node for each, node in zip(before, mine, strict=True) if each is place), None)
-    element = old or append(child(root, "actuator"), "position")
+    element = old or _appended(root, "position")
     if (place.values.get("group", "0") if place else "0") in switched_off:
         free = [name for name in map(str, range(GROUPS)) if name not in switched_off]
         if not free:
@@ -148,6 +159,9 @@ def put_actuator(root: minidom.Element, projection: Projection) -> Terms:
                 f"{joint}: expected a group of actuators that is switched on; actuatorgroupdisable names all {GROUPS}"
             )
         put(element, group=free[0])
+    if (place is not None and _has_states(place)) or projection.terms.lag or projection.terms.integral_rate:
+        for key in root.getElementsByTagName("key"):
+            put(key, act=None)
     left = _put_drive(element, projection, place, timestep(root))
     return _put_friction(root, left, joint)
 
@@ -157,6 +171,11 @@ def _acts_without_command(actuator: Actuator) -> bool:
     if actuator.gain is None:
         return actuator.kind not in ("damper", "muscle", "adhesion")
     return any(actuator.bias)
+
+
+def _has_states(actuator: Actuator) -> bool:
+    """Whether keyframes may have values `act` of an actuator."""
+    return actuator.kind in ("pid", "dcmotor", "plugin", "muscle", "cylinder") or actuator.dynamics != "none"
 
 
 def _put_drive(element: minidom.Element, projection: Projection, before: Actuator | None, step: float) -> Terms:
@@ -194,7 +213,7 @@ def _put_drive(element: minidom.Element, projection: Projection, before: Actuato
     _put_delay(element, terms, step, was[1])
     if motor is not None:
         return replace(terms, damping=motor.damping)
-    _put_limits(element, terms, *was, servo=before is not None and (before.is_servo or before.kind == "pid"))
+    _put_limits(element, terms, before)
     return terms
 
 
@@ -215,7 +234,7 @@ def _put_friction(root: minidom.Element, terms: Terms, joint: str) -> Terms:
         if old is not None and old.parentNode is not None:
             old.parentNode.removeChild(old)
         return terms
-    made = old or append(child(root, "actuator"), "dcmotor")
+    made = old or _appended(root, "dcmotor")
     put(made, name=joint + FRICTION, joint=joint, input="none", motorconst=SMALL_CONSTANT, resistance=1.0)
     if _has_defaults(made):
         put(made, gear=1.0, damping="0", armature="0")
@@ -248,12 +267,13 @@ def cogging_of(ripple: Ripple) -> tuple[float, ...]:
     return math.hypot(ripple.cosine, ripple.sine), ripple.cycles, phase
 
 
-def _put_limits(element: minidom.Element, terms: Terms, kind: str, was: Mapping[str, str], *, servo: bool) -> None:
-    """The identified limit of torque, or the limit of the file; and the file's limits of the command."""
-    before = float((was.get("gear") or "1").split()[0])
+def _put_limits(element: minidom.Element, terms: Terms, old: Actuator | None) -> None:
+    """The identified limit of torque, or the limit of the file; and the file's limits of a command of the same kind."""
+    was: Mapping[str, str] = {} if old is None else old.values
+    before = 1.0 if old is None else old.gear
     is_servo = element.tagName in ("position", "pid")
     after = 1.0 if is_servo else terms.kp
-    renamed = kind != element.tagName
+    renamed = old is None or old.kind != element.tagName
     if terms.torque_limit is not None:
         bound = terms.torque_limit / after
         put(element, forcerange=f"{number(-bound)} {number(bound)}")
@@ -263,10 +283,12 @@ def _put_limits(element: minidom.Element, terms: Terms, kind: str, was: Mapping[
         put(element, forcerange=_scaled(was["forcerange"], before / after))
     if not was.get("ctrlrange"):
         return
-    factor = 1.0 / before if servo else before / after
-    if servo != is_servo:  # an angle in place of a torque, or the other way round
+    drive = None if old is None else terms_of_drive(old)
+    if old is None or drive is None or (drive.drive == "position_servo") != is_servo:  # an angle in place of a torque
         put(element, ctrlrange=None, ctrllimited="false" if _has_defaults(element) else None)
-    elif factor != 1.0 or renamed:
+        return
+    factor = 1.0 / before if is_servo else drive.kp / terms.kp
+    if factor != 1.0 or renamed:
         put(element, ctrlrange=_scaled(was["ctrlrange"], factor))
 
 
@@ -278,7 +300,7 @@ def _put_delay(element: minidom.Element, terms: Terms, step: float, was: Mapping
 
 
 def _scaled(limits: str, factor: float) -> str:
-    return " ".join(number(float(value) * factor) for value in limits.split())
+    return " ".join(map(number, sorted(float(value) * factor for value in limits.split())))
 
 
 def _renamed(element: minidom.Element, tag: str) -> minidom.Element:
@@ -301,6 +323,11 @@ def _groups(root: minidom.Element) -> list[minidom.Element]:
     return [node for node in root.childNodes if isinstance(node, minidom.Element) and node.tagName == "actuator"]
 
 
+def _appended(root: minidom.Element, tag: str) -> minidom.Element:
+    """A new actuator after all others, whose controls keep their places."""
+    return append((_groups(root) or [child(root, "actuator")])[-1], tag)
+
+
 def _has_defaults(element: minidom.Element) -> bool:
     """Whether default classes of the element's file have attributes of actuators."""
     tops = element.ownerDocument.getElementsByTagName("default") if element.ownerDocument else []
@@ -313,10 +340,8 @@ def timestep(root: minidom.Element) -> float:
     Args:
         root: `<mujoco>`.
     """
-    for option in root.getElementsByTagName("option"):
-        if option.hasAttribute("timestep"):
-            return float(option.getAttribute("timestep"))
-    return 2e-3
+    options = root.getElementsByTagName("option")
+    return [2e-3, *(float(each.getAttribute("timestep")) for each in options if each.hasAttribute("timestep"))][-1]
 
 
 BENCH = """<mujoco model="drake_tc_bench">
@@ -347,87 +372,79 @@ def to_mjcf(projections: Sequence[Projection], into: Path | None = None, step: f
     if into is None:
         _add_bench(root, projections)
     else:
-        put_includes(root, into)
-    # angles of a file are in degrees unless the compiler is told otherwise
-    degrees = all(each.getAttribute("angle") != "radian" for each in root.getElementsByTagName("compiler"))
-    joints, default_types = named(document, "joint"), _default_types(document)
+        read_joints(into, ParamsError)  # refuses what is no number, and joints that other files make
+        put_includes(root, into.parent)
+    joints = named(document, "joint", ("body", "frame"))
+    before = states(xml_tree(root.toxml()))
     for projection in projections:
-        if projection.joint not in joints:
-            raise ParamsError(f"{into}: no <joint name={projection.joint!r}>; joints: {', '.join(joints) or 'none'}")
+        tree = xml_tree(root.toxml())
+        read, degrees = joints_of(tree), in_degrees(tree)
+        _check_type(read, projection, into)
         element = joints[projection.joint]
-        _check_type(element, projection, into, default_types)
-        numbers = _numbers_of_damping(root)
-        gears = _gears(root, projection.joint, joints, degrees=degrees)
-        _joint(element, put_actuator(root, projection), numbers, timestep(root), degrees=degrees)
+        gears = _gears(read, projection.joint, joints, degrees=degrees)
         unit = 180.0 / math.pi if degrees and projection.joint_type != "prismatic" else 1.0
-        _gear(element, projection, gears.get("range"), numbers, (PLAY, 0.5 * projection.terms.backlash * unit))
+        _joint(element, put_actuator(root, projection), timestep(root), unit)
+        _gear(element, projection, gears.get("range"), (PLAY, 0.5 * projection.terms.backlash * unit))
         stiffness = 1.0 / projection.terms.compliance if projection.terms.compliance else 0.0
-        _gear(element, projection, gears.get("stiffness"), numbers, (SPRING, stiffness))
+        _gear(element, projection, gears.get("stiffness"), (SPRING, stiffness))
+    _put_keyframes(root, before, states(xml_tree(root.toxml())))
     return to_text(document)
+
+
+def _put_keyframes(root: minidom.Element, before: Mapping[str, Widths], after: Mapping[str, Widths]) -> None:
+    """Values of keyframes at the places that their joints have now; those of a hinge that was added are 0."""
+    for key, (column, name) in product(root.getElementsByTagName("key"), enumerate(("qpos", "qvel"))):
+        left = key.getAttribute(name).split()
+        if not left or before == after:
+            continue
+        own = {}
+        for joint, widths in before.items():
+            own[joint], left = left[: widths[column]], left[widths[column] :]
+        values = [value for joint, widths in after.items() for value in own.get(joint, ["0"] * widths[column])]
+        put(key, **{name: " ".join(values + left)})
 
 
 SPRING = "_elasticity"
 """End of the name of a hinge that is the compliance of a gear."""
+NAMING = ("joint", "joint1", "joint2")
+"""Attributes by which sensors, couplings and tendons name a joint."""
 
 
-def put_includes(root: minidom.Element, path: Path) -> list[str]:
-    """Put the content of every included file in the place of its `<include>`; names of these files.
+def put_includes(element: minidom.Element, *folders: Path) -> None:
+    """Put the content of every included file in the place of its `<include>`.
 
     Args:
-        root: `<mujoco>`.
-        path: Of its file.
-
-    Raises:
-        ParamsError: a file that is not there, is no MJCF or includes itself.
+        element: Of a file that `read_joints` has read, so that there are all included files.
+        folders: That of the file, and those of the files that include each other.
     """
-    names: list[str] = []
-
-    def expand(element: minidom.Element, folders: tuple[Path, ...], inside: tuple[Path, ...]) -> None:
-        for node in [each for each in element.childNodes if isinstance(each, minidom.Element)]:
-            if node.tagName != "include":
-                expand(node, folders, inside)
-                continue
-            name = node.getAttribute("file")
-            found = included_path(name, folders)
-            if found is None or found.resolve() in inside:
-                why = "no such file" if found is None else "it includes itself"
-                raise ParamsError(f"{path}: <include file={name!r}>: {why}")
-            names.append(name)
-            other = imported(element, top(read_xml(found, "")))
-            expand(other, (*folders, found.parent), (*inside, found.resolve()))
-            for each in list(other.childNodes):
-                element.insertBefore(each, node)
-            element.removeChild(node)
-
-    expand(root, (path.parent,), (path.resolve(),))
-    return names
+    for node in [each for each in element.childNodes if isinstance(each, minidom.Element)]:
+        found = included_path(node.getAttribute("file"), folders) if node.tagName == "include" else None
+        if found is None:
+            put_includes(node, *folders)
+            continue
+        other = imported(element, top(read_xml(found, "")))
+        put_includes(other, *folders, found.parent)
+        for each in list(other.childNodes):
+            element.insertBefore(each, node)
+        element.removeChild(node)
 
 
 def _gears(
-    root: minidom.Element, joint: str, joints: Mapping[str, minidom.Element], *, degrees: bool
+    read: Mapping[str, MjcfJoint], joint: str, joints: Mapping[str, minidom.Element], *, degrees: bool
 ) -> dict[str, minidom.Element]:
     """Joints beside the driven one that are its gear: the play under "range", the spring under "stiffness"."""
-    read = joints_of(xml_tree(root.toxml()))
     mine = [name for name, driven in gears_of(read, degrees=degrees).items() if driven == joint]
     return {"stiffness" if any(read[name].numbers("stiffness")) else "range": joints[name] for name in mine}
 
 
-def _check_type(
-    element: minidom.Element, projection: Projection, into: Path | None, default_types: Sequence[str]
-) -> None:
-    """Refuse a joint of another type than the model's, unless the joint has its type from a class of defaults."""
-    stated, own = element.getAttribute("type"), "slide" if projection.joint_type == "prismatic" else "hinge"
-    if not stated and not default_types:
-        stated = "hinge"
-    if stated in ("hinge", "slide") and stated != own:
-        raise ParamsError(f"{into}: joint {projection.joint!r} is a {stated}, and the model's is a {own}")
-
-
-def _default_types(document: minidom.Document) -> list[str]:
-    """Types of joints that the classes of defaults state; without one, a joint that states none is a hinge."""
-    defaults = document.getElementsByTagName("default")
-    joints = [joint for each in defaults for joint in each.getElementsByTagName("joint")]
-    return [joint.getAttribute("type") for joint in joints if joint.getAttribute("type")]
+def _check_type(read: Mapping[str, MjcfJoint], projection: Projection, into: Path | None) -> None:
+    """Refuse a joint that is not there, or is of another type than the model's."""
+    joint, own = projection.joint, "slide" if projection.joint_type == "prismatic" else "hinge"
+    if joint not in read:
+        listed = ", ".join(read) or "none"
+        raise ParamsError(f"{into}: no <joint name={joint!r}> that is a hinge or slide; joints: {listed}")
+    if read[joint].kind != own:
+        raise ParamsError(f"{into}: joint {joint!r} is a {read[joint].kind}, and the model's is a {own}")
 
 
 def _add_bench(root: minidom.Element, projections: Sequence[Projection]) -> None:
@@ -444,56 +461,47 @@ IMPEDANCE = "0.9 0.95 0.001 0.5 2"
 """Of the constraint that is dry friction: MuJoCo's default. A smaller one lets the joint creep."""
 
 
-def _joint(element: minidom.Element, terms: Terms, numbers: int, step: float, *, degrees: bool) -> None:
+def _joint(element: minidom.Element, terms: Terms, step: float, unit: float) -> None:
     """The passive terms; a spring or a limit that a class hands on, and that the model lacks, is written as 0."""
-    damping = _damping(terms.damping, terms.quadratic, numbers=numbers)
+    damping = _polynomial(element, "damping", terms.damping, terms.quadratic)
     put(element, armature=terms.armature, damping=damping, frictionloss=terms.frictionloss)
     if terms.frictionloss:
-        soft = any(each.hasAttribute("solimpfriction") for each in _defaults_of_joints(element))
-        put(element, solreffriction=f"{number(2.0 * step)} 1", solimpfriction=IMPEDANCE if soft else None)
-    springs = [each for each in _defaults_of_joints(element) if each.hasAttribute("stiffness")]
-    longest = max((len(each.getAttribute("stiffness").split()) for each in springs), default=1)
-    put(element, stiffness=_damping(terms.stiffness, numbers=longest) if terms.stiffness or springs else None)
+        soft = IMPEDANCE if _handed_on(element, "solimpfriction") else None
+        put(element, solreffriction=f"{number(2.0 * step)} 1", solimpfriction=soft)
+    if terms.torque_limit is not None:
+        limited = "false" if _handed_on(element, "actuatorfrcrange") else None
+        put(element, actuatorfrcrange=None, actuatorfrclimited=limited)
+    springs = terms.stiffness or _handed_on(element, "stiffness")
+    put(element, stiffness=_polynomial(element, "stiffness", terms.stiffness) if springs else None)
     rest = -terms.preload / terms.stiffness if terms.stiffness else 0.0
-    unit = 180.0 / math.pi if degrees and element.getAttribute("type") != "slide" else 1.0
     put(element, springref=rest * unit if terms.stiffness else None, springyield=None)
-    made = any(each.hasAttribute("springdamper") for each in _defaults_of_joints(element))
-    put(element, springdamper="0 0" if made else None)
+    put(element, springdamper="0 0" if _handed_on(element, "springdamper") else None)
 
 
-def _defaults_of_joints(element: minidom.Element) -> list[minidom.Element]:
+def _handed_on(element: minidom.Element, name: str) -> list[str]:
+    """Values of an attribute in the default classes of joints."""
     document = element.ownerDocument
     tops = document.getElementsByTagName("default") if document is not None else []
-    return [joint for each in tops for joint in each.getElementsByTagName("joint")]
+    joints = [joint for each in tops for joint in each.getElementsByTagName("joint")]
+    return [joint.getAttribute(name) for joint in joints if joint.hasAttribute(name)]
 
 
-def _damping(*values: float, numbers: int) -> str:
-    """Numbers up to the last that is not 0; at least `numbers`, because a class hands on those that are left out."""
-    used = max((i + 1 for i, value in enumerate(values) if value), default=1)
-    return " ".join(number(values[i] if i < len(values) else 0.0) for i in range(max(used, numbers)))
-
-
-def _numbers_of_damping(root: minidom.Element) -> int:
-    """The most numbers that a default class gives a joint's damping."""
-    tops = [node for node in root.childNodes if isinstance(node, minidom.Element) and node.tagName == "default"]
-    joints = [joint for top in tops for joint in top.getElementsByTagName("joint")]
-    return max((len(joint.getAttribute("damping").split()) for joint in joints), default=1)
+def _polynomial(element: minidom.Element, name: str, *values: float) -> str:
+    """Numbers up to the last that is not 0, or as many as a class has, which hands on those that are left out."""
+    used = [i + 1 for i, value in enumerate(values) if value]
+    count = max([1, *used, *(len(text.split()) for text in _handed_on(element, name))])
+    return " ".join(number(value) for value in (*values, *[0.0] * count)[:count])
 
 
 def _gear(
-    element: minidom.Element,
-    projection: Projection,
-    old: minidom.Element | None,
-    numbers: int,
-    gear: tuple[str, float],
+    element: minidom.Element, projection: Projection, old: minidom.Element | None, gear: tuple[str, float]
 ) -> None:
     """A second hinge or slide about the same axis, after the driven one: the play or the spring of the gear, or none.
 
     Args:
         element: The driven joint.
         projection: Of the joint.
-        old: That of the file.
-        numbers: Of the damping.
+        old: That of the file; what names it goes with it.
         gear: `PLAY` or `SPRING`, the end of its name, and half of the play [rad], [deg] or [m], or the stiffness
             [N m/rad]; 0: there is none.
     """
@@ -502,24 +510,32 @@ def _gear(
     if not isinstance(parent, minidom.Element):
         return
     if not value:
-        if old is not None and old.parentNode is not None:
-            old.parentNode.removeChild(old)
+        every = [] if old is None or element.ownerDocument is None else element.ownerDocument.getElementsByTagName("*")
+        for node in every:
+            names = [node.getAttribute(each) for each in NAMING]
+            if old is not None and (node is old or old.getAttribute("name") in names) and node.parentNode is not None:
+                node.parentNode.removeChild(node)
         return
-    made = old or new_element(element, "joint")
-    for attribute in ("axis", "pos"):
-        if element.hasAttribute(attribute):
-            put(made, **{attribute: element.getAttribute(attribute)})
+    made = old
+    if made is None:
+        made = new_element(element, "joint")
+        put(
+            made,
+            **{each: element.getAttribute(each) for each in ("class", "axis", "pos") if element.hasAttribute(each)},
+        )
+        parent.insertBefore(made, element.nextSibling)  # type: ignore[arg-type]
     put(
         made,
         name=made.getAttribute("name") or projection.joint + end,
         type="slide" if projection.joint_type == "prismatic" else "hinge",
-        damping=_damping(0.0, numbers=numbers),
+        damping=_polynomial(made, "damping"),
         armature="0",
         frictionloss="0",
+        ref="0" if _handed_on(made, "ref") else None,
+        springdamper="0 0" if _handed_on(made, "springdamper") else None,
     )
     if end == PLAY:
-        put(made, range=f"{number(-value)} {number(value)}", limited="true", stiffness="0")
+        put(made, range=f"{number(-value)} {number(value)}", limited="true")
     else:
-        put(made, stiffness=value, springref="0", limited="false", range=None)
-    if old is None:
-        parent.insertBefore(made, element.nextSibling)  # type: ignore[arg-type]
+        put(made, springref="0", limited="false", range=None)
+    put(made, stiffness=_polynomial(made, "stiffness", value if end == SPRING else 0.0))

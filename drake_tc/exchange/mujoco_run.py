@@ -11,9 +11,10 @@ Each version loads a file with the term and gives the force that it means; the v
 import math
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
 from typing import Any
 from xml.dom import minidom
 
@@ -26,9 +27,8 @@ from drake_tc.exchange.projection import Projection
 from drake_tc.exchange.target_run import PointMass, RunInput, WrittenFile
 from drake_tc.exchange.xml_text import parsed
 from drake_tc.simulator_files.mjcf import ACTUATORS, PLAY, drive_of, gears_of, joints_of
-from drake_tc.simulator_files.mjcf_actuator import actuators
 from drake_tc.simulator_files.terms import Terms
-from drake_tc.simulator_files.xml_tree import Defaults, mujoco_module, xml_tree
+from drake_tc.simulator_files.xml_tree import in_degrees, mujoco_module, xml_tree
 from drake_tc.types import FloatArray
 
 Version = tuple[int, ...]
@@ -85,15 +85,24 @@ def too_old(text: str, joints: Sequence[str], *, installed: str | None) -> str:
     return f"MuJoCo {installed} is installed, but {needed} or newer is needed for {' and '.join(newer)}"
 
 
-def file_notes(text: str, projections: Sequence[Projection]) -> list[str]:
-    """Sentences on the version of MuJoCo that a file needs, and on a dcmotor that the file cannot have.
+def file_notes(text: str, projections: Sequence[Projection], into: Path | None = None) -> list[str]:
+    """Sentences on the version of MuJoCo that a file needs, on a dcmotor that the file cannot have, and on a refusal.
 
     Args:
         text: Of an MJCF file.
         projections: What was written into it.
+        into: The user's file, of which this one is made; None: it is a bench.
     """
-    needed = version_sentence(text, [each.joint for each in projections], installed=installed_mujoco())
-    return [*([needed] if needed else []), *_plain_motors(text, projections)]
+    joints, installed = [each.joint for each in projections], installed_mujoco()
+    needed = version_sentence(text, joints, installed=installed)
+    notes = [*([needed] if needed else []), *_plain_motors(text, projections)]
+    if into is None or installed is None or too_old(text, joints, installed=installed):
+        return notes
+    try:
+        compiled(text, into.parent)
+    except ParamsError as problem:
+        notes.append(f"The written file cannot be loaded: {problem}.")
+    return notes
 
 
 def _plain_motors(text: str, projections: Sequence[Projection]) -> list[str]:
@@ -183,22 +192,18 @@ def _simulate(file: WrittenFile, given: RunInput, *, recorded_load: bool) -> Flo
     mujoco: Any = require_mujoco()
     tree = xml_tree(file.text)
     joints = joints_of(tree)
-    degrees = all(each.get("angle", "degree") != "radian" for each in tree.findall("compiler"))
-    gears = [name for name, driven in gears_of(joints, degrees=degrees).items() if driven == file.joint]
+    gears = [name for name, driven in gears_of(joints, degrees=in_degrees(tree)).items() if driven == file.joint]
     drive = drive_of(joints[file.joint].actuators)
     if drive is None:
         raise ParamsError(f"joint {file.joint} has no actuator that takes the command of the drive")
-    try:
-        spec = mujoco.MjSpec.from_string(file.text)
-        if file.folder is not None:
-            spec.modelfiledir = str(file.folder)
+
+    def with_steps(spec: Any) -> None:
         spec.option.timestep = given.step
         for actuator in spec.actuators:
             if actuator.delay > 0.0:
                 actuator.nsample = max(actuator.nsample, math.ceil(actuator.delay / given.step) + 1)
-        model = spec.compile()
-    except ValueError as error:
-        raise ParamsError(f"MuJoCo refuses the exported model: {' '.join(str(error).split())}") from None
+
+    model = compiled(file.text, file.folder, with_steps)
     data = mujoco.MjData(model)
     at, behind = model.joint(file.joint), [model.joint(name) for name in gears]
     free = {at.dofadr[0]} if recorded_load else {at.dofadr[0], *(each.dofadr[0] for each in behind)}
@@ -207,7 +212,7 @@ def _simulate(file: WrittenFile, given: RunInput, *, recorded_load: bool) -> Flo
     if recorded_load:
         model.body_mass[1:], model.body_inertia[1:], model.opt.gravity[:] = WEIGHTLESS, WEIGHTLESS, 0.0
         model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
-    number = [each.element for each in actuators(tree, Defaults(tree))].index(drive.element)
+    number = drive.number
     control = int(model.actuator_ctrladr[number]) if hasattr(model, "actuator_ctrladr") else number
     unit = drive.gear if file.gear_of_command and (drive.is_servo or drive.kind == "pid") else 1.0
     data.qpos[at.qposadr[0]], data.qvel[at.dofadr[0]] = given.start
@@ -229,6 +234,29 @@ def _simulate(file: WrittenFile, given: RunInput, *, recorded_load: bool) -> Flo
             if told and _is_unstable(mujoco, data):  # it would go on from its initial state
                 break
     return position
+
+
+def compiled(text: str, folder: Path | None, change: Callable[[Any], None] = lambda _spec: None) -> Any:
+    """MuJoCo's model of a file.
+
+    Args:
+        text: Of the file.
+        folder: In which the file finds its meshes; None: it needs none.
+        change: Of the parsed file, before it is compiled.
+
+    Raises:
+        ParamsError: MuJoCo is not installed, or refuses the file.
+    """
+    mujoco: Any = require_mujoco()
+    try:
+        spec = mujoco.MjSpec.from_string(text)
+        if folder is not None:
+            spec.modelfiledir = str(folder)
+        change(spec)
+        with _warnings(mujoco):
+            return spec.compile()
+    except ValueError as error:
+        raise ParamsError(f"MuJoCo refuses the file: {' '.join(str(error).split())}") from None
 
 
 def _coupled(tree: ET.Element, joint: str) -> set[str]:

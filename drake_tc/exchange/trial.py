@@ -4,6 +4,7 @@ Free runs are those of the identified model in Drake, of its export in the targe
 """
 
 import re
+import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -22,7 +23,7 @@ from drake_tc.exchange.drake_run import (
     simulate_sdf_in_drake,
     simulate_urdf_in_drake,
 )
-from drake_tc.exchange.mjcf import put_includes, to_mjcf
+from drake_tc.exchange.mjcf import NAMING, put_includes, to_mjcf
 from drake_tc.exchange.mujoco_run import file_notes, require_mujoco, simulate_in_mujoco, simulate_mjcf, too_old_for
 from drake_tc.exchange.projection import TARGETS, Projection, Vocabulary, project
 from drake_tc.exchange.target_run import Runner, WrittenFile, target_free_run
@@ -38,6 +39,7 @@ from drake_tc.report.sections import HOW, cells, headings
 from drake_tc.report.words import title_of
 from drake_tc.simulator_files.read import ANY_JOINT, joints_of_text, read_joints
 from drake_tc.simulator_files.terms import ReadJoint, Terms
+from drake_tc.simulator_files.xml_tree import place, states, xml_tree
 from drake_tc.types import FloatArray
 
 NO_FRICTION = MappingProxyType({"frictionloss": "Drake's parser does not use the friction of a joint"})
@@ -201,7 +203,7 @@ def _flat(path: Path, target: str) -> str:
     if target != "mjcf":
         return path.read_text(encoding="utf-8")
     document = read_xml(path, "mujoco")
-    put_includes(top(document), path)
+    put_includes(top(document), path.parent)
     return to_text(document)
 
 
@@ -224,6 +226,8 @@ def changes(text: str, projections: Sequence[Projection], into: Path) -> list[st
     before, after = read_joints(into, ParamsError), joints_of_text(text, into, ParamsError)
     files = ", ".join(_INCLUDE.findall(into.read_text(encoding="utf-8")))
     lines = [f"The files that your file includes were merged into the written file: {files}."] if files else []
+    if (tree := xml_tree(text)).tag == "mujoco":
+        lines += _gone_with_states(xml_tree(_flat(into, "mjcf")), tree)
     for each in projections:
         was, now = (found.get(each.joint, found.get(ANY_JOINT)) for found in (before, after))
         if was is None or now is None:
@@ -240,8 +244,10 @@ def changes(text: str, projections: Sequence[Projection], into: Path) -> list[st
             if getattr(was.terms, name) and not getattr(now.terms, name) and not getattr(each.terms, name)
         ]
         words, still = ([_LINE.sub("", told) for told in found.unused] for found in (was, now))
-        gone += [told for told in words if told not in still and told.startswith(DRIVING)]
-        if was.driven and now.driven and was.terms.drive != now.terms.drive:
+        kinds = [_TAG.sub("<", told) for told in still]  # the drive may have another tag
+        acting = [told for told in words if told.startswith(DRIVING) or "range of" in told]
+        gone += [told for told in acting if _TAG.sub("<", told) not in kinds]
+        if was.driven and (not now.driven or was.terms.drive != now.terms.drive):
             gone.append(f"a drive whose command is a {was.terms.drive.removesuffix('_servo')}")
         more = now.with_servo_damping().damping - each.terms.damping
         left += [f"a damping of {more:.4g} N m s/rad beside the model's"] if more > SAME * each.terms.damping else []
@@ -249,13 +255,21 @@ def changes(text: str, projections: Sequence[Projection], into: Path) -> list[st
         left += (
             [f"a dry friction of {more:.4g} N m beside the model's"] if more > SAME * each.terms.frictionloss else []
         )
-        left += [told for told in dict.fromkeys(still) if told in words or told.endswith(DISABLED)]
-        if gone:
-            told = f"{each.joint}: removed from your file, because the model does not have it: {', '.join(gone)}."
-            lines.append(in_units_of(each.joint_type, told))
-        if left:
-            told = f"{each.joint}: kept from your file, although the model does not have it: {', '.join(left)}."
-            lines.append(in_units_of(each.joint_type, told))
+        left += [told for told in dict.fromkeys(still) if told in words or "range" in told or told.endswith(DISABLED)]
+        for what, why, found in (("removed", "because", gone), ("kept", "although", left)):
+            told = f"{each.joint}: {what} from your file, {why} the model does not have it: {', '.join(found)}."
+            lines += [in_units_of(each.joint_type, told)] if found else []
+    return lines
+
+
+def _gone_with_states(before: ET.Element, after: ET.Element) -> list[str]:
+    """Sentences on what an MJCF file had of joints and of states of drives that it has no more."""
+    lines = list[str]()
+    for name in (each for each in states(before) if each not in states(after)):
+        naming = (each for each in before.iter() if name in map(each.get, NAMING))
+        lines += [f"{_LINE.sub('', place(each))} of your file was removed with the joint {name}." for each in naming]
+    if any(key.get("act") for key in before.iter("key")) and not any(key.get("act") for key in after.iter("key")):
+        lines.append("The states of actuators (act) were removed from the keyframes: the drive has others now.")
     return lines
 
 
@@ -276,10 +290,11 @@ LEFTOVERS: Mapping[str, str] = MappingProxyType(
 )
 """Terms that a file may have and a model lack, in words."""
 _INCLUDE = re.compile(r"<include\s+file=[\"']([^\"']+)")
-DRIVING = ("its actuator", "the command of", "the constant force of")
+DRIVING = ("its actuator", "the command of", "the constant force of", "that the command of")
 """Begins of what is not used of a file and drives a joint."""
 DISABLED = "which <flag> disables"
 _LINE = re.compile(r" in line \d+")
+_TAG = re.compile(r"<\w+")
 
 
 SAME = 1e-6
@@ -291,7 +306,8 @@ def _other(value: float, wanted: float) -> bool:
 
 
 def _differs(name: str, now: Terms, wanted: Terms) -> bool:
-    return bool(getattr(now, name)) and not getattr(wanted, name)
+    here, there = getattr(now, name), getattr(wanted, name)
+    return bool(here) and (not there or (name == "torque_limit" and here < (1.0 - SAME) * there))
 
 
 def _term(name: str, terms: Terms) -> str:

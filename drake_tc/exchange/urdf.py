@@ -13,7 +13,7 @@ from xml.dom import minidom
 
 from drake_tc.errors import ParamsError
 from drake_tc.exchange.projection import Projection
-from drake_tc.exchange.xml_text import append, child, number, parsed, put, read_xml, text, to_text, top
+from drake_tc.exchange.xml_text import append, child, named, number, parsed, put, read_xml, text, to_text, top
 from drake_tc.simulator_files.terms import Terms
 from drake_tc.simulator_files.urdf import SIMPLE
 
@@ -43,18 +43,13 @@ def to_urdf(projections: Sequence[Projection], into: Path | None = None, *, drak
         for projection in projections:
             _bench_joint(root, projection)
             _actuator(root, projection.joint)
-    joints = {
-        node.getAttribute("name"): node
-        for node in root.childNodes
-        if isinstance(node, minidom.Element) and node.tagName == "joint"
-    }
+    joints = named(document, "joint", ("robot",))
     for projection in projections:
         if projection.joint not in joints:
             raise ParamsError(f"{into}: no <joint name={projection.joint!r}>; joints: {', '.join(joints) or 'none'}")
         _check_type(joints[projection.joint].getAttribute("type"), projection, into)
-        if not drake:
-            of_joint = _transmissions(root, projection.joint)
-            _put_gains([tag for each in of_joint for tag in each.getElementsByTagName(GAINS)], projection.terms)
+        of_joint = _transmissions(root, projection.joint)
+        _put_gains([tag for each in of_joint for tag in each.getElementsByTagName(GAINS)], projection.terms)
         _joint(joints[projection.joint], projection, friction=not drake)
         if drake:
             if not root.hasAttribute("xmlns:drake"):
@@ -95,6 +90,14 @@ def _joint(element: minidom.Element, projection: Projection, *, friction: bool) 
     put(child(element, "dynamics"), damping=damping, friction=terms.frictionloss if friction else None)
     if terms.torque_limit is not None:
         put(child(element, "limit"), effort=terms.torque_limit)
+    for limit in element.getElementsByTagName("limit"):
+        if not friction and _is_zero(limit.getAttribute("effort")):
+            put(limit, effort=None)
+
+
+def _is_zero(effort: str) -> bool:
+    """Whether a limit is the placeholder 0: Drake makes no actuator of such a joint."""
+    return "0" in effort and not effort.strip(" 0.")
 
 
 def _drake(root: minidom.Element, projection: Projection) -> None:
@@ -108,11 +111,17 @@ def _drake(root: minidom.Element, projection: Projection) -> None:
 
 
 def _put_gains(found: Sequence[minidom.Element], terms: Terms) -> float:
-    """Drake's gains of a servo, where the file has them already; the damping that is then the servo's [N m s/rad]."""
-    if terms.drive != "position_servo" or not found:
-        return 0.0
-    put(found[0], p=terms.kp, d=terms.derivative_gain)
-    return terms.derivative_gain
+    """Drake's gains of a servo, where the file has them already; the damping that is then the servo's [N m s/rad].
+
+    A drive of another kind has none: they go.
+    """
+    if terms.drive == "position_servo" and found:
+        put(found[0], p=terms.kp, d=terms.derivative_gain)
+        return terms.derivative_gain
+    for tag in found:
+        if tag.parentNode is not None:
+            tag.parentNode.removeChild(tag)
+    return 0.0
 
 
 def _actuator(root: minidom.Element, joint: str) -> minidom.Element:
@@ -171,7 +180,7 @@ def to_sdf(projections: Sequence[Projection], into: Path | None = None) -> str:
         model = document.getElementsByTagName("model")[0]
         for projection in projections:
             _sdf_bench_joint(model, projection)
-    joints = {each.getAttribute("name"): each for each in document.getElementsByTagName("joint")}
+    joints = named(document, "joint", ("model", "world"))
     for projection in projections:
         if projection.joint not in joints:
             tags = [
@@ -193,6 +202,9 @@ def to_sdf(projections: Sequence[Projection], into: Path | None = None) -> str:
             _set(child(dynamics, "spring_reference"), -terms.preload / terms.stiffness if terms.stiffness else 0.0)
         if terms.torque_limit is not None:
             _set(child(child(axis, "limit"), "effort"), terms.torque_limit)
+        for effort in axis.getElementsByTagName("effort") if gains else ():
+            if effort.firstChild is not None and _is_zero(str(effort.firstChild.nodeValue)):
+                _set(effort, "-1")
     return to_text(document)
 
 

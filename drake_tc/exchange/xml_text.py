@@ -1,5 +1,6 @@
 """XML files edited in place: comments, order and what is not touched stay, prefixes that are not declared too."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from xml.dom import expatbuilder, minidom
 from xml.parsers.expat import ExpatError
@@ -111,6 +112,13 @@ def number(value: float) -> str:
     return f"{value:.10g}"
 
 
-def named(document: minidom.Document, tag: str) -> dict[str, minidom.Element]:
-    """Elements of a tag by their attribute `name`."""
-    return {e.getAttribute("name"): e for e in document.getElementsByTagName(tag) if e.hasAttribute("name")}
+def named(document: minidom.Document, tag: str, inside: Sequence[str]) -> dict[str, minidom.Element]:
+    """Elements of a tag by their attribute `name`.
+
+    Args:
+        document: Of the file.
+        tag: Theirs.
+        inside: Tags of their parents; elements in others, such as a coupling `<joint>`, have names of their own.
+    """
+    found = (each for each in document.getElementsByTagName(tag) if each.hasAttribute("name"))
+    return {e.getAttribute("name"): e for e in found if e.parentNode is not None and e.parentNode.nodeName in inside}

@@ -31,6 +31,8 @@ from drake_tc.types import FloatArray
 NAMES = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")
 SMALLEST = 1e-6
 """Least eigenvalue of a pseudo-inertia over its largest one."""
+ROUNDING = 1e-8
+"""The same of one that stays positive with the digits of a file; a point mass or a plate without thickness has 0."""
 
 
 @dataclass(frozen=True)
@@ -126,8 +128,8 @@ def consistent(parameters: FloatArray) -> FloatArray:
     pseudo[:3, 3] = pseudo[3, :3] = parameters[1:4]
     pseudo[3, 3] = parameters[0]
     values, vectors = np.linalg.eigh(pseudo)
-    least = SMALLEST * max(float(values[-1]), 1e-9)
-    if values[0] >= 0.0:
+    least = SMALLEST * max(float(values[-1]), 1e-3)
+    if values[0] >= ROUNDING * values[-1]:
         return parameters
     pseudo = vectors @ np.diag(np.maximum(values, least)) @ vectors.T
     second = pseudo[:3, :3]

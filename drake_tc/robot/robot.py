@@ -3,8 +3,10 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from pydrake.math import RigidTransform, RollPitchYaw
 
 from drake_tc.config.keys import unknown_key
 from drake_tc.config.quoted import did_you_mean
@@ -82,6 +84,10 @@ class Robot:
 
 def _check_joints(where: str, joints: tuple[str, ...], tree: UrdfTree) -> None:
     for name in joints:
+        if name in (mount.name for mount in tree.mounts.values()):
+            raise ParamsError(
+                f"{where}: joint {name!r} stands on the link 'world', which never moves: rename that link"
+            )
         if name not in tree.joints:
             listed = f"movable joints: {', '.join(tree.movable)}"
             raise ParamsError(f"{where}: no joint {name!r} in the URDF{did_you_mean(name, tree.movable)}; {listed}")
@@ -103,6 +109,17 @@ def _check_floating_base(base: str, joints: tuple[str, ...], tree: UrdfTree) -> 
                 f" {joint.name!r} is above {base!r}"
             )
         link = joint.parent
+
+
+def _base_pose(base: str, tree: UrdfTree) -> Pose:
+    """X_WB of a base that fixed joints carry on the URDF's link `world`; the origin of one that has no such link."""
+    X_LB, link, above = RigidTransform(), base, {joint.child: joint for joint in tree.joints.values()}
+    while link in above and above[link].kind == "fixed":
+        X_LB, link = above[link].origin.transform @ X_LB, above[link].parent
+    if link not in tree.mounts:
+        return Pose()
+    X_WB: Any = tree.mounts[link].origin.transform @ X_LB
+    return Pose(tuple(X_WB.translation().tolist()), tuple(RollPitchYaw(X_WB.rotation()).vector().tolist()))
 
 
 def position_range(joint: str, tree: UrdfTree, limits: Mapping[str, Mapping[str, float]]) -> tuple[float, float]:
@@ -168,6 +185,10 @@ def _unused(urdf: Path, tree: UrdfTree, driven: Sequence[str], followers: Sequen
     except ValueError as problem:
         return (f"{urdf.name}: physics of its joints was not read: {problem}.",)
     told: dict[str, list[str]] = {}
+    for mount in tree.mounts.values():
+        if mount.movable:
+            of_world = f"that it moves {mount.child} on the link 'world' (it stays at 0)"
+            told.setdefault(of_world, []).append(f"{mount.name} (line {mount.line})")
     for name in (*driven, *followers):
         terms, parts = read[name].terms, []
         values = (("damping", terms.damping), ("dry friction", terms.frictionloss), ("rotor inertia", terms.armature))
@@ -196,12 +217,13 @@ def _robot(source: Path, read: RobotDocument, *, found_links: bool) -> Robot:
         _check_floating_base(base, joints, tree)
     actuators = None if read.actuators is None else resolve(read.actuators, source.parent)
     limits = {joint: entry.given() for joint, entry in (read.limits or {}).items()}
+    own_pose = _base_pose(base, tree) if read.fixed_base else Pose()
     return Robot(
         name=read.name,
         urdf=urdf,
         base=base,
         fixed_base=read.fixed_base,
-        base_pose=Pose() if read.base_pose is None else read.base_pose.pose,
+        base_pose=own_pose if read.base_pose is None else read.base_pose.pose,
         joints=joints,
         locked=_locked(read.locked or {}, joints, tree),
         followers=_followers(read.locked or {}, joints, tree),

@@ -8,7 +8,7 @@ import math
 import xml.etree.ElementTree as ET
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from xml.parsers.expat import ExpatError
 
@@ -283,11 +283,13 @@ class UrdfTree:
         root: The XML element `robot`.
         links: Names.
         joints: Name to joint, in the file's order.
+        mounts: Joints on the link `world`, by the link that they carry.
     """
 
     root: ET.Element
     links: tuple[str, ...]
     joints: Mapping[str, JointTag]
+    mounts: Mapping[str, JointTag] = field(default_factory=dict)
 
     def beyond(self, link: str) -> set[str]:
         """The link and all links that hang from it."""
@@ -410,7 +412,7 @@ def read_urdf(path: Path, splits: Iterable[LinkSplit] = ()) -> UrdfTree:
     check_tree(path, links, {name: (joint.parent, joint.child) for name, joint in kept.items()})
     leaders = {name: joint.mimic.of for name, joint in kept.items() if joint.mimic is not None}
     check_mimics(path, leaders, [name for name, joint in kept.items() if joint.kind in MOVABLE])
-    return UrdfTree(root, links, kept)
+    return UrdfTree(root, links, kept, {joint.child: joint for joint in joints.values() if joint.parent == _WORLD})
 
 
 def _root(path: Path) -> ET.Element:

@@ -18,9 +18,28 @@ from typing import Any
 
 from drake_tc.simulator_files.mjcf_actuator import ACTUATORS, Actuator, actuators
 from drake_tc.simulator_files.terms import ReadJoint, Ripple, StribeckPeak, Terms
-from drake_tc.simulator_files.xml_tree import Attributes, Defaults, bodies, finite, place, with_includes
+from drake_tc.simulator_files.xml_tree import (
+    Attributes,
+    Defaults,
+    bodies,
+    finite,
+    in_degrees,
+    mujoco_module,
+    place,
+    with_includes,
+)
 
-__all__ = ["ACTUATORS", "PLAY", "MjcfJoint", "disabled_groups", "drive_of", "gears_of", "joints_of", "mjcf_joints"]
+__all__ = [
+    "ACTUATORS",
+    "PLAY",
+    "MjcfJoint",
+    "disabled_groups",
+    "drive_of",
+    "gears_of",
+    "joints_of",
+    "mjcf_joints",
+    "terms_of_drive",
+]
 
 PLAY = "_backlash"
 """End of the name of a hinge that is the play of a gear."""
@@ -31,11 +50,13 @@ JOINT_USED = {
     *("springref", "ref", "margin", "solreffriction", "solimpfriction", "solreflimit", "solimplimit", "limited"),
     *("range", "actuatorfrcrange", "actuatorfrclimited", "springdamper"),
 }
+HARD = {"solreffriction": (0.0, 0.02), "solimpfriction": (0.9, 1.0)}
+"""First numbers with which the dry friction of a joint creeps no faster than with MuJoCo's defaults."""
 ACTUATOR_USED = {
     *("name", "class", "joint", "jointinparent", "gear", "group", "user", "nsample", "interp", "forcerange"),
     *("forcelimited", "ctrlrange", "ctrllimited", "delay", "damping", "armature", "kp", "kv", "dampratio", "timeconst"),
     *("gainprm", "biasprm", "dynprm", "dyntype", "gaintype", "biastype", "actlimited", "actearly", "lengthrange"),
-    *("cranklength", "inheritrange", "actdim"),
+    *("cranklength", "inheritrange", "actdim", "actrange"),
 }
 DC_MOTOR_USED = {"motorconst", "resistance", "saturation", "inductance", "cogging", "lugre", "input"}
 PID_USED = {"ki", "input"}
@@ -88,7 +109,7 @@ def joints_of(root: ET.Element) -> dict[str, MjcfJoint]:
     for body, own in bodies(root):
         for element, around in own:
             name, values = element.get("name", ""), defaults.attributes(element, around)
-            if name and values.get("type", "hinge") in ("hinge", "slide"):
+            if name and element.tag == "joint" and values.get("type", "hinge") in ("hinge", "slide"):
                 found[name] = MjcfJoint(element, values, body, tuple(driving.get(name, ())))
     return found
 
@@ -154,8 +175,7 @@ def mjcf_joints(root: ET.Element, path: Path | None = None) -> dict[str, ReadJoi
                     f"{place(each)}: it makes joints of other names, which are not read; write the file as MuJoCo "
                     "expands it: mujoco.mj_saveLastXML"
                 )
-    degrees = all(each.get("angle", "degree") != "radian" for each in root.findall("compiler"))
-    joints = joints_of(root)
+    joints, degrees = joints_of(root), in_degrees(root)
     gears = gears_of(joints, degrees=degrees)
     made = _compiled_by_mujoco(joints, path)
     outside, flags, everywhere = _couplings(root), _disabled(root), _beside_joints(root)
@@ -164,9 +184,13 @@ def mjcf_joints(root: ET.Element, path: Path | None = None) -> dict[str, ReadJoi
         if name in gears:
             continue
         read = _driven(_passive(joint, degrees=degrees, flags=flags), joint, flags, made)
+        if name + PLAY in joints and name + PLAY not in gears:
+            read = read.also_unused(
+                f"its play {place(joints[name + PLAY].element)}, which is not on the same body and axis"
+            )
         for other in (each for each, driven in gears.items() if driven == name):
             read = _with_gear(read, joints[other], degrees=degrees, flags=flags)
-        found[name] = _in_effect(read, joint, flags, made).also_unused(
+        found[name] = _with_springdamper(read, joint, flags, made).also_unused(
             *outside.get(name, ()), *_of_body(joint), *everywhere
         )
     return found
@@ -180,7 +204,9 @@ def _with_gear(read: ReadJoint, gear: MjcfJoint, *, degrees: bool, flags: set[st
     if stiffness := _spring(gear):
         rest += [f"range of {place(gear.element)}"] if gear.values.get("range") else []
         return replace(read, terms=replace(read.terms, compliance=1.0 / stiffness)).also_unused(*rest)
-    return replace(read, terms=replace(read.terms, backlash=_play(gear, degrees=degrees))).also_unused(*rest)
+    play = 0.0 if "limit" in flags else _play(gear, degrees=degrees)
+    rest += [] if play else [f"the play {place(gear.element)}, whose range is too wide or does not act"]
+    return replace(read, terms=replace(read.terms, backlash=play)).also_unused(*rest)
 
 
 def _passive(joint: MjcfJoint, *, degrees: bool, flags: set[str]) -> ReadJoint:
@@ -188,6 +214,10 @@ def _passive(joint: MjcfJoint, *, degrees: bool, flags: set[str]) -> ReadJoint:
     unit = math.pi / 180.0 if degrees and joint.kind == "hinge" else 1.0
     rest = joint.numbers("springref")[0] * unit
     unused = [name for name in joint.values if name not in JOINT_USED]
+    if any(joint.numbers("frictionloss")):
+        stated = ((name, number) for name in HARD for number in joint.numbers(name, "")[:1])
+        soft = ((name, number) for name, number in stated if not HARD[name][0] <= number <= HARD[name][1])
+        unused += [f"its {name} ({number:g})" for name, number in soft]
     if damping[2]:
         unused.append("the third number of its damping")
     if any(stiffness[1:]):
@@ -208,13 +238,15 @@ def _passive(joint: MjcfJoint, *, degrees: bool, flags: set[str]) -> ReadJoint:
         stiffness=spring,
         preload=-spring * rest,
     )
-    return ReadJoint(terms, unused=tuple(unused))
+    return ReadJoint(terms, unused=tuple(unused), joint_type="prismatic" if joint.kind == "slide" else "revolute")
 
 
 def _driven(read: ReadJoint, joint: MjcfJoint, flags: set[str], made: Any) -> ReadJoint:
     """The joint with its actuators; those that say nothing of a known drive are named as unused."""
     if "actuation" in flags:
         return read.also_unused(*(f"its actuator {each.name}, which <flag> disables" for each in joint.actuators))
+    off = (each.name for each in joint.actuators if not each.enabled)
+    read = read.also_unused(*(f"{name}, whose group <option> disables" for name in off))
     acting = [each for each in joint.actuators if each.gear]
     for actuator in acting:  # armature and damping of an actuator act on the joint whatever drives it
         gear = actuator.gear
@@ -225,8 +257,12 @@ def _driven(read: ReadJoint, joint: MjcfJoint, flags: set[str], made: Any) -> Re
             damping=read.terms.damping + (0.0 if "damper" in flags else gear**2 * damping[0]),
         )
         read = replace(read, terms=terms).also_unused(*_unused(actuator))
-    first = drive_of(acting)
-    read = read if first is None else _with_drive(read, first, made)
+    first, (limit, told) = drive_of(acting), _joint_limit(joint)
+    read = read.also_unused(*told)
+    if first is not None:
+        read = _with_drive(read, first, made, limit)
+    elif limit < math.inf:
+        read = replace(read, terms=replace(read.terms, torque_limit=limit))
     for actuator in acting:
         if actuator is not first and actuator.enabled:
             read = _with_second(read, actuator, first)
@@ -252,6 +288,17 @@ def drive_of(found: Sequence[Actuator]) -> Actuator | None:
     return next(iter((*servos, *plain, *(each for each in known if dc(each)))), None)
 
 
+def terms_of_drive(actuator: Actuator) -> Terms | None:
+    """What an actuator is by itself as the drive of a joint; None where it is no drive that is read.
+
+    Args:
+        actuator: Whose group may be switched off.
+    """
+    if drive_of([replace(actuator, enabled=True)]) is None:
+        return None
+    return _with_drive(ReadJoint(Terms(drive="torque", kp=1.0)), actuator, None).terms
+
+
 def _is_velocity(each: Actuator) -> bool:
     return each.gain is not None and not any(each.bias[:2]) and each.bias[2] != 0.0 and each.bias[2] == -each.gain
 
@@ -259,14 +306,14 @@ def _is_velocity(each: Actuator) -> bool:
 def _unused(actuator: Actuator) -> list[str]:
     used = ACTUATOR_USED | {"dcmotor": DC_MOTOR_USED, "pid": PID_USED}.get(actuator.kind, set())
     found = [f"{name} of {actuator.name}" for name in actuator.values if name not in used]
-    for name in ("damping",):
-        found += [f"the further numbers of {name} of {actuator.name}"] if any(actuator.numbers(name)[1:]) else []
-    return found
+    further = [f"the further numbers of damping of {actuator.name}"] if any(actuator.numbers("damping")[1:]) else []
+    return found + further
 
 
-def _with_drive(read: ReadJoint, actuator: Actuator, made: Any) -> ReadJoint:
+def _with_drive(read: ReadJoint, actuator: Actuator, made: Any, joint_limit: float = math.inf) -> ReadJoint:
+    """The joint with its drive, whose force the joint limits to `joint_limit` [N m]."""
     if actuator.kind == "dcmotor":
-        return _with_dc_motor(read, actuator)
+        return _with_dc_motor(read, actuator, joint_limit)
     gear, unused = actuator.gear, list[str]()
     if actuator.kind == "pid":
         servo, kp = True, (actuator.numbers("kp", "1"))[0]
@@ -285,7 +332,8 @@ def _with_drive(read: ReadJoint, actuator: Actuator, made: Any) -> ReadJoint:
         [f"that the command of {actuator.name} is {gear:g} times the joint's (gear)"] if servo and gear != 1.0 else []
     )
     at_joint = (gear**2 if servo else gear) * kp
-    limits, told = _limits(actuator, servo=servo, kp=at_joint)
+    force, command, told = _limits(actuator, servo=servo, kp=at_joint)
+    limits, beside = _with_damping_inside(min(force, joint_limit), command, 0.0 if servo else gear**2 * kv, actuator)
     terms = replace(
         read.terms,
         drive="position_servo" if servo else "torque",
@@ -293,34 +341,53 @@ def _with_drive(read: ReadJoint, actuator: Actuator, made: Any) -> ReadJoint:
         lag=actuator.filter,
         integral_rate=rate,
         delay=(actuator.numbers("delay", "0") or [0.0])[0],
-        torque_limit=min(limits, default=None),
+        damping=read.terms.damping + (0.0 if servo else gear**2 * kv),
+        **limits,
     )
-    if not servo:
-        inside = 0.0 if actuator.limits("ctrlrange") and not actuator.limits("forcerange") else gear**2 * kv
-        terms = replace(terms, damping=terms.damping + gear**2 * kv, derivative_gain=inside)
     found = replace(read, driven=True, derivative_gain=gear**2 * kv if servo else 0.0, terms=terms)
-    return found.also_unused(*unused, *told)
+    return found.also_unused(*unused, *told, *beside)
 
 
-def _limits(actuator: Actuator, *, servo: bool, kp: float) -> tuple[list[float], list[str]]:
-    """Limits of the torque, and what is not used of limits."""
+def _with_damping_inside(
+    whole: float, command: float, damping: float, actuator: Actuator
+) -> tuple[dict[str, Any], list[str]]:
+    """Fields of the terms for the smaller limit of the torque, and the other one, which is not used.
+
+    Args:
+        whole: Limit of the torque with the drive's damping [N m]; infinite: none.
+        command: Limit of the torque of the command alone [N m]; infinite: none.
+        damping: Of the drive [N m s/rad]; without it both are the same limit.
+        actuator: The drive.
+    """
+    limit = min(whole, command)
+    told = (
+        [f"the larger limit of {actuator.name}, which has a ctrlrange and a limit of the force"]
+        if damping and max(whole, command) < math.inf
+        else []
+    )
+    inside = (damping or 0.0) if whole < command else 0.0
+    return {"torque_limit": limit if limit < math.inf else None, "derivative_gain": inside}, told
+
+
+def _limits(actuator: Actuator, *, servo: bool, kp: float) -> tuple[float, float, list[str]]:
+    """Limits of the torque by the force and by the command, infinite for none, and what is not used of limits."""
     force, command = actuator.limits("forcerange"), actuator.limits("ctrlrange")
-    found, unused = [], []
+    of_force, of_command, unused = math.inf, math.inf, []
     if force is not None:
         if _is_symmetric(force):
-            found.append(abs(actuator.gear) * force[1])
+            of_force = abs(actuator.gear) * force[1]
         else:
             unused.append(f"forcerange of {actuator.name}, which is not symmetric")
     if command is not None:
         if servo or not _is_symmetric(command):
             unused.append(f"ctrlrange of {actuator.name}")
         else:
-            found.append(abs(kp) * command[1])
+            of_command = abs(kp) * command[1]
     if actuator.values.get("inheritrange"):
         unused.append(f"inheritrange of {actuator.name}")
     if actuator.values.get("actrange") and actuator.values.get("actlimited") != "false":
         unused.append(f"actrange of {actuator.name}")
-    return found, unused
+    return of_force, of_command, unused
 
 
 def _is_symmetric(limits: tuple[float, float]) -> bool:
@@ -354,7 +421,7 @@ def _motor_constants(actuator: Actuator) -> tuple[float, float] | None:
     return math.sqrt(constants[0] * constants[-1]), resistance
 
 
-def _with_dc_motor(read: ReadJoint, actuator: Actuator) -> ReadJoint:
+def _with_dc_motor(read: ReadJoint, actuator: Actuator, joint_limit: float) -> ReadJoint:
     """The force is gear k/R (V - k gear v)."""
     constants = _motor_constants(actuator)
     if constants is None:
@@ -366,8 +433,9 @@ def _with_dc_motor(read: ReadJoint, actuator: Actuator) -> ReadJoint:
     torque, current = [*actuator.numbers("saturation"), 0.0, 0.0][:2]
     force = actuator.limits("forcerange")  # default classes hand it on to a dcmotor, which has no such attribute
     torque = min((x for x in (torque, force[1] if force else 0.0) if x > 0.0), default=0.0)
-    whole = min((limit for limit in (abs(gear) * torque, abs(k) * current) if limit > 0.0), default=math.inf)
+    whole = min(joint_limit, *(limit or math.inf for limit in (abs(gear) * torque, abs(k) * current)))
     of_voltage = abs(k) / resistance * voltage or math.inf
+    limits, beside = _with_damping_inside(whole, of_voltage, k**2 / resistance, actuator)
     inductance = [*actuator.numbers("inductance"), 0.0, 0.0]
     terms = replace(
         read.terms,
@@ -376,15 +444,13 @@ def _with_dc_motor(read: ReadJoint, actuator: Actuator) -> ReadJoint:
         damping=read.terms.damping + k**2 / resistance,
         delay=(actuator.numbers("delay", "0") or [0.0])[0],
         lag=inductance[1] or inductance[0] / resistance,
-        torque_limit=limit if (limit := min(whole, of_voltage)) < math.inf else None,
         torque_constant=k,
-        derivative_gain=k**2 / resistance if whole < of_voltage else 0.0,
+        **limits,
     )
     told = [f"ctrlrange of {actuator.name}, which is not symmetric"] if command is not None and not voltage else []
-    told += [f"saturation of {actuator.name} beside its ctrlrange"] if of_voltage <= whole < math.inf else []
     told += [f"that the inductance of {actuator.name} delays its back-EMF too"] if terms.lag else []
     told += [f"the voltage of saturation of {actuator.name}"] if any(actuator.numbers("saturation")[2:]) else []
-    return _with_motor_friction(replace(read, terms=terms, driven=True), actuator).also_unused(*told)
+    return _with_motor_friction(replace(read, terms=terms, driven=True), actuator).also_unused(*told, *beside)
 
 
 def _with_passive_motor(read: ReadJoint, actuator: Actuator) -> ReadJoint:
@@ -418,17 +484,24 @@ def _with_motor_friction(read: ReadJoint, actuator: Actuator) -> ReadJoint:
     return replace(read, terms=terms).also_unused(*unused)
 
 
-def _in_effect(read: ReadJoint, joint: MjcfJoint, flags: set[str], made: Any) -> ReadJoint:
-    """The joint with its limit of all actuators' torque, and with what MuJoCo makes of springdamper."""
+def _joint_limit(joint: MjcfJoint) -> tuple[float, list[str]]:
+    """Limit of the torque of all its actuators [N m], infinite for none, and what is not used of it."""
     span = joint.numbers("actuatorfrcrange", "")
-    if len(span) == 2 and joint.values.get("actuatorfrclimited") != "false" and span[0] < span[1]:
-        if _is_symmetric((span[0], span[1])):
-            several = sum(1 for each in joint.actuators if each.gear and each.enabled) > 1
-            if several and any(each.limits("forcerange") for each in joint.actuators):
-                read = read.also_unused("actuatorfrcrange, which limits several actuators together")
-            read = _with_joint_limit(read, span[1])
-        else:
-            read = read.also_unused("actuatorfrcrange, which is not symmetric")
+    if len(span) != 2 or joint.values.get("actuatorfrclimited") == "false" or span[0] >= span[1]:
+        return math.inf, []
+    if not _is_symmetric((span[0], span[1])):
+        return math.inf, ["actuatorfrcrange, which is not symmetric"]
+    acting = [each for each in joint.actuators if each.gear and each.enabled]
+    first = drive_of(acting)
+    plain = first is not None and (first.is_servo or first.kind == "pid")  # with dampers that it limits too
+    plain &= all(_is_velocity(each) for each in acting if each is not first)
+    if len(acting) < 2 or (plain and not any(each.limits("forcerange") for each in acting)):
+        return span[1], []
+    return span[1], ["actuatorfrcrange, which limits several actuators together"]
+
+
+def _with_springdamper(read: ReadJoint, joint: MjcfJoint, flags: set[str], made: Any) -> ReadJoint:
+    """The joint with what MuJoCo makes of springdamper."""
     if not any(joint.numbers("springdamper")):
         return read
     if made is None:
@@ -442,22 +515,11 @@ def _in_effect(read: ReadJoint, joint: MjcfJoint, flags: set[str], made: Any) ->
     return replace(read, terms=terms)
 
 
-def _with_joint_limit(read: ReadJoint, limit: float) -> ReadJoint:
-    """The joint whose actuators' torque is clipped as a whole, a back-EMF or the damping of a servo included."""
-    terms = read.terms
-    if terms.torque_limit is not None and terms.torque_limit <= limit:
-        return read
-    inside = terms.derivative_gain
-    if terms.drive == "voltage" and terms.torque_constant is not None:
-        inside = terms.torque_constant * terms.kp
-    return replace(read, terms=replace(terms, torque_limit=limit, derivative_gain=inside))
-
-
 def _disabled(root: ET.Element) -> set[str]:
     """Forces that the file switches off."""
-    found = set()
-    for flag in root.iterfind("option/flag"):
-        found |= {name for name, value in flag.attrib.items() if value == "disable"}
+    said = {name: value for flag in root.iterfind("option/flag") for name, value in flag.attrib.items()}
+    found = {name for name, value in said.items() if value == "disable"}
+    found |= {"frictionloss"} if "constraint" in found else set()
     return found | ({"spring", "damper"} if "passive" in found else set())
 
 
@@ -512,24 +574,11 @@ class _Compiled:
     """What only MuJoCo's compiler knows of a file: numbers that depend on inertias of its bodies."""
 
     def __init__(self, path: Path) -> None:
-        from drake_tc.simulator_files.xml_tree import mujoco_module
-
-        self.mujoco = mujoco_module()
-        self.model = self.mujoco.MjModel.from_xml_path(str(path))
+        self.model = mujoco_module().MjModel.from_xml_path(str(path))
 
     def damping(self, actuator: Actuator) -> float:
         """Kv of a servo with a damping ratio, before the gear."""
-        kinds = self.mujoco.mjtTrn
-        joint = actuator.values.get("joint") or actuator.values.get("jointinparent")
-        number = self.model.joint(joint).id
-        found = [
-            i
-            for i in range(len(self.model.actuator_trntype))
-            if self.model.actuator_trntype[i] == int(kinds.mjTRN_JOINT) and self.model.actuator_trnid[i][0] == number
-        ]
-        name = actuator.element.get("name")
-        named = [i for i in found if name and self.model.actuator(i).name == name]
-        return -float(self.model.actuator_biasprm[(named or found)[0]][2])
+        return -float(self.model.actuator_biasprm[actuator.number][2])
 
     def spring(self, joint: MjcfJoint) -> tuple[float, float, float]:
         """Stiffness, damping and rest position."""

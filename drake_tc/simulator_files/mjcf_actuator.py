@@ -36,6 +36,7 @@ class Actuator:
         time_constant: Of a filter [s].
         values: Attributes, those of default classes among them.
         enabled: Whether its group is not switched off.
+        number: Its place among the actuators of the file, which is that in MuJoCo's model.
     """
 
     element: ET.Element
@@ -46,6 +47,7 @@ class Actuator:
     time_constant: float = 1.0
     values: dict[str, str] = field(default_factory=dict)
     enabled: bool = True
+    number: int = 0
 
     def numbers(self, name: str, absent: str = "") -> list[float]:
         """The numbers of an attribute."""
@@ -94,10 +96,10 @@ def actuators(root: ET.Element, defaults: Defaults) -> list[Actuator]:
         defaults: Its classes.
     """
     elements = (each for group in root.findall("actuator") for each in group if each.tag in ACTUATORS)
-    return [compiled(element, defaults) for element in elements]
+    return [compiled(element, defaults, number) for number, element in enumerate(elements)]
 
 
-def compiled(element: ET.Element, defaults: Defaults) -> Actuator:
+def compiled(element: ET.Element, defaults: Defaults, number: int) -> Actuator:
     """The actuator with what its classes hand on."""
     state, values = _Compiled(), dict[str, str]()
     for each in defaults.elements(element):
@@ -107,7 +109,7 @@ def compiled(element: ET.Element, defaults: Defaults) -> Actuator:
             values |= {name: text for name, text in each.attrib.items() if same or name in FIELDS}
     state.apply(element)
     values |= element.attrib
-    out = Actuator(element, element.tag, values=values)
+    out = Actuator(element, element.tag, values=values, number=number)
     if element.tag in AFFINE:
         odd = state.gaintype != "fixed" or state.biastype not in ("none", "affine")
         out.gain = None if odd else state.gain[0]

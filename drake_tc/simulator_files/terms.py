@@ -11,6 +11,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
+from drake_tc.config.joint_units import JointType
+
 Drive = Literal["position_servo", "current", "voltage", "torque"]
 
 
@@ -102,6 +104,7 @@ class ReadJoint:
         derivative_gain: Damping of a position servo [N m s/rad]; 0 where the file has none.
         effects: Parameters of effects that are no terms, by id; None for a value that cannot be taken over.
         unused: What the file has beside these and is not used, in words.
+        joint_type: Whether the joint turns or slides; None: the file does not say.
     """
 
     terms: Terms
@@ -109,6 +112,7 @@ class ReadJoint:
     derivative_gain: float = 0.0
     effects: Mapping[str, Mapping[str, float] | None] = field(default_factory=dict)
     unused: tuple[str, ...] = ()
+    joint_type: JointType | None = None
 
     def with_servo_damping(self) -> Terms:
         """The terms with the servo's damping as a part of the joint's."""

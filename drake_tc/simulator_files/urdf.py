@@ -18,11 +18,13 @@ import math
 import os
 import sys
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
+from types import MappingProxyType
 
 from drake_tc.config.files import is_file
+from drake_tc.config.joint_units import JointType
 from drake_tc.config.quoted import located
 from drake_tc.errors import ParamsError
 from drake_tc.simulator_files.terms import ReadJoint, Terms
@@ -63,16 +65,19 @@ def urdf_joints(root: ET.Element, *, robot: bool = False) -> dict[str, ReadJoint
             raise ValueError(f"{place(joint)}: joint {joint.get('name')!r} is there twice")
         found[joint.get("name", "")] = _joint(joint)
     for joint in () if robot else moving:
-        name = joint.get("name", "")
+        name, mimic = joint.get("name", ""), joint.find("mimic")
         found[name] = found[name].also_unused(*_motion(joint))
-    others = (each for each in root if each.tag not in TOP_USED and (each.tag.startswith(DRAKE) or ":" not in each.tag))
+        if mimic is not None:
+            _follow(found, name, mimic)
+    others = [each for each in root if each.tag not in TOP_USED and (each.tag.startswith(DRAKE) or ":" not in each.tag)]
+    others += root.findall("gazebo/joint")
     coupling = [f"{place(each)} beside its joints" for each in others]
     found = {name: joint.also_unused(*coupling) for name, joint in found.items()}
     driven: set[str] = set()
     for transmission in root.findall("transmission"):
-        for joint in transmission.findall("joint"):
+        simple = (transmission.findtext("type") or transmission.get("type") or SIMPLE).strip().endswith(SIMPLE)
+        for joint in (each for each in transmission if each.tag.lower().endswith("joint")):  # also flexJoint, gap_joint
             name = joint.get("name", "")
-            simple = (transmission.findtext("type") or transmission.get("type") or SIMPLE).strip().endswith(SIMPLE)
             if name in found and (not simple or len(transmission.findall("actuator")) > 1):
                 told = f"its transmission {place(transmission)}, which is no {SIMPLE}"
                 found[name] = found[name].also_unused(told)
@@ -141,7 +146,11 @@ def _joint(joint: ET.Element) -> ReadJoint:
         for child in joint.findall(tag)[:1]:
             inside = (*(name for name in child.attrib if name not in used), *(each.tag for each in child))
             unused += [f"{_word(name)} of its {tag}" for name in inside]
-    return ReadJoint(terms, unused=tuple(unused))
+    return ReadJoint(terms, unused=tuple(unused), joint_type=_type_of(joint))
+
+
+def _type_of(joint: ET.Element) -> JointType:
+    return "prismatic" if joint.get("type") == "prismatic" else "revolute"
 
 
 def _motion(joint: ET.Element) -> list[str]:
@@ -152,10 +161,15 @@ def _motion(joint: ET.Element) -> list[str]:
         found.append("its limit of the velocity")
     if joint.get("type") != "continuous" and lower != upper:
         found.append("its limits of the position (lower, upper)")
-    mimic = joint.find("mimic")
-    if mimic is not None:
-        found.append(f"that it follows {mimic.get('joint')!r} (mimic)")
     return found
+
+
+def _follow(found: dict[str, ReadJoint], name: str, mimic: ET.Element) -> None:
+    """A joint follows another, which then carries it: neither is used."""
+    leader = mimic.get("joint", "")
+    found[name] = found[name].also_unused(f"that it follows {leader!r} (mimic)")
+    if leader in found:
+        found[leader] = found[leader].also_unused(f"that {name!r} follows it (mimic)")
 
 
 def _with_transmission(joint: ReadJoint, transmission: ET.Element, of_joint: ET.Element) -> ReadJoint:
@@ -167,17 +181,19 @@ def _with_transmission(joint: ReadJoint, transmission: ET.Element, of_joint: ET.
     armature = inertia * (ratio or 1.0) ** 2
     parts = (actuator, of_joint, transmission)
     reduction, *others = [value for part in parts if (value := content(part, "mechanicalReduction"))] or [1.0]
-    if not inertia:
-        armature = content(actuator, "motorInertia") * reduction**2
+    motor = content(actuator, "motorInertia")
+    armature = armature if inertia else motor * reduction**2
     gains = (attribute(actuator, f"{DRAKE}controller_gains", name) for name in ("p", "d"))
-    unused = [f"its {_word(each.tag)}" for each in actuator if each.tag not in ACTUATOR_USED | DRAKE_USED]
-    unused += [
-        f"its {_word(each.tag)}" for each in of_joint if each.tag not in ("hardwareInterface", "mechanicalReduction")
+    used = (ACTUATOR_USED | DRAKE_USED, {"hardwareInterface", "mechanicalReduction"}, TRANSMISSION_USED)
+    unused = [
+        f"its {_word(each.tag)}"
+        for part, known in zip(parts, used, strict=True)
+        for each in part
+        if each.tag not in known
     ]
-    unused += [f"its {_word(each.tag)}" for each in transmission if each.tag not in TRANSMISSION_USED]
     unused += [f"its further mechanicalReduction ({value:g})" for value in others if value != reduction]
-    if inertia and content(actuator, "motorInertia"):
-        unused.append("its motorInertia beside drake:rotor_inertia")
+    unused += [f"its mechanicalReduction ({reduction:g})"] if reduction != 1.0 and (inertia or not motor) else []
+    unused += ["its motorInertia beside drake:rotor_inertia"] if inertia and motor else []
     return with_drake(joint, armature, *gains).also_unused(*unused)
 
 
@@ -190,7 +206,7 @@ def _extensions(root: ET.Element) -> Iterator[tuple[str, str]]:
                 yield gazebo.get("reference", ""), f"its <gazebo> tag {_word(each.tag)}"
     for control in root.findall("ros2_control"):
         for joint in control.findall("joint"):
-            for each in joint.findall("param"):
+            for each in (*joint.findall("param"), *joint.findall("command_interface/param")):
                 yield joint.get("name", ""), f"its <ros2_control> parameter {each.get('name')}"
         for transmission in control.findall("transmission"):
             for joint in transmission.findall("joint"):
@@ -198,11 +214,10 @@ def _extensions(root: ET.Element) -> Iterator[tuple[str, str]]:
 
 
 def _plugins(parent: ET.Element) -> Iterator[tuple[str, str]]:
-    """(joint, plugin) of the plugins that name a joint, such as a controller."""
-    for plugin in parent.iterfind("plugin"):
-        for each in plugin.iter():
-            if each.tag.lower() in ("joint", "jointname", "joint_name"):
-                yield (each.text or each.get("name") or "").strip(), f"its {place(plugin)}"
+    """(text, plugin) of the plugins and of every text in them, which may name a joint, such as that of a controller."""
+    for plugin in parent.iter("plugin"):
+        for text in dict.fromkeys((each.text or "").strip() or each.get("name", "") for each in plugin.iter()):
+            yield text, f"its {place(plugin)}"
 
 
 def content(element: ET.Element, path: str) -> float:
@@ -219,11 +234,14 @@ def _word(tag: str) -> str:
     return tag.replace(DRAKE, PREFIX)
 
 
-SDF_JOINT_USED = {"parent", "child", "pose", "axis", "sensor"} | {
-    f"{DRAKE}{name}" for name in ("rotor_inertia", "gear_ratio", "controller_gains")
-}
+SDF_JOINT_USED = {"parent", "child", "pose", "axis", "sensor", f"{DRAKE}mimic"} | DRAKE_USED
 AXIS_USED = {"xyz", "dynamics", "limit", "mimic"}
 DYNAMICS_USED = {"damping", "friction", "spring_stiffness", "spring_reference"}
+_NO = ("false", "0")
+LINK_USUAL: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {"gravity": ("true", "1"), "enable_wind": _NO, "kinematic": _NO, "velocity_decay": ()}
+)
+"""Tags of a link that act on the joints that carry it, unless they say this."""
 
 
 def sdf_joints(root: ET.Element, path: Path | None = None) -> dict[str, ReadJoint]:
@@ -252,12 +270,21 @@ def _sdf_joints(root: ET.Element, path: Path | None, inside: tuple[Path, ...]) -
         if joint.get("type") in MOVING:
             add(joint.get("name", ""), _read(joint), joint)
     beside = [f"{place(each)} beside its joints" for each in root.iter("joint") if each.get("type") in COUPLING]
+    for link in root.iter("link"):
+        acting = (each for each in link if each.tag in LINK_USUAL)
+        beside += [
+            f"{each.tag} of {place(link)}" for each in acting if (each.text or "").strip() not in LINK_USUAL[each.tag]
+        ]
     for model in root.iter("model"):
         drakes = (each for each in model if each.tag.startswith(DRAKE) and each.tag not in NO_COUPLING)
         beside += [f"{place(each)} beside its joints" for each in drakes]
-        for name, told in _plugins(model):
-            if name in found:
-                found[name] = found[name].also_unused(told)
+    for name, told in _plugins(root):
+        if name in found:
+            found[name] = found[name].also_unused(told)
+    for joint in root.iter("joint"):
+        for mimic in (*joint.findall("axis/mimic"), *joint.findall(f"{DRAKE}mimic")):
+            if joint.get("name", "") in found:
+                _follow(found, joint.get("name", ""), mimic)
     found = {name: joint.also_unused(*beside) for name, joint in found.items()}
     unknown = []
     for include in root.iter("include"):
@@ -326,7 +353,9 @@ def _read(joint: ET.Element) -> ReadJoint:
     )
     inertia, ratio = content(joint, f"{DRAKE}rotor_inertia"), content(joint, f"{DRAKE}gear_ratio") or 1.0
     gains = (attribute(joint, f"{DRAKE}controller_gains", name) for name in ("p", "d"))
-    return with_drake(ReadJoint(terms), inertia * ratio**2, *gains).also_unused(*_unused(joint))
+    return with_drake(ReadJoint(terms, joint_type=_type_of(joint)), inertia * ratio**2, *gains).also_unused(
+        *_unused(joint)
+    )
 
 
 def _unused(joint: ET.Element) -> list[str]:
@@ -337,9 +366,6 @@ def _unused(joint: ET.Element) -> list[str]:
             found += [f"its {each.tag}" for each in dynamics if each.tag not in DYNAMICS_USED]
         for limit in axis.findall("limit"):
             found += [f"its {each.tag} of the limit" for each in limit if each.tag in ("stiffness", "dissipation")]
-        mimic = axis.find("mimic")
-        if mimic is not None:
-            found.append(f"that it follows {mimic.get('joint')!r} (mimic)")
     if 0.0 < abs(_limit(joint, "velocity")) < math.inf:
         found.append("its limit of the velocity")
     ends = _limit(joint, "lower"), _limit(joint, "upper")

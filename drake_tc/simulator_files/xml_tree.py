@@ -145,6 +145,12 @@ def with_includes(root: ET.Element, path: Path) -> ET.Element:
     return root
 
 
+def in_degrees(root: ET.Element) -> bool:
+    """Whether the angles of an MJCF file are in degrees: the last `<compiler>` that says so decides."""
+    said = [each.get("angle") for each in root.findall("compiler") if each.get("angle")]
+    return not said or said[-1] != "radian"
+
+
 class Defaults:
     """The classes of defaults of a file."""
 
@@ -211,7 +217,7 @@ def bodies(root: ET.Element) -> Iterator[tuple[ET.Element, list[tuple[ET.Element
     def own(parent: ET.Element, around: str) -> Iterator[tuple[ET.Element, str]]:
         inside = parent.get("childclass", around)
         for each in parent:
-            if each.tag == "joint":
+            if each.tag in ("joint", "freejoint"):
                 yield each, inside
             elif each.tag == "frame":
                 yield from own(each, inside)
@@ -227,6 +233,24 @@ def bodies(root: ET.Element) -> Iterator[tuple[ET.Element, list[tuple[ET.Element
 
     for world in root.findall("worldbody"):
         yield from walk(world, "")
+
+
+Widths = tuple[int, int]
+"""Numbers of a joint in q and in v."""
+WIDTHS: Mapping[str, Widths] = {"hinge": (1, 1), "slide": (1, 1), "ball": (4, 3), "free": (7, 6)}
+
+
+def states(root: ET.Element) -> dict[str, Widths]:
+    """Joints of an MJCF file in the order of q and v, by name, or by a number for those without one.
+
+    Args:
+        root: `<mujoco>` with its includes.
+    """
+    defaults, found = Defaults(root), dict[str, Widths]()
+    for joint, around in (each for _, own in bodies(root) for each in own):
+        kind = "free" if joint.tag == "freejoint" else defaults.attributes(joint, around).get("type", "hinge")
+        found[joint.get("name") or f"joint {len(found)}"] = WIDTHS[kind]
+    return found
 
 
 def mujoco_module() -> Any:

@@ -425,6 +425,16 @@ def test_the_command(tmp_path, capsys):
     assert yaml.safe_load(path.read_text())["joints"]["knee"]
 
 
+def test_a_written_file_that_drake_refuses_is_named(tmp_path, capsys):
+    save_models({"knee": MODEL}, tmp_path / "model.yaml")
+    text = UNDECLARED.replace("<type>transmission_interface/SimpleTransmission</type>", "")
+    (tmp_path / "mine.urdf").write_text(text, encoding="utf-8")
+    command = ["export", str(tmp_path / "model.yaml"), "--to", "drake-urdf", "--into", str(tmp_path / "mine.urdf")]
+    assert run(command) == 0
+    told = capsys.readouterr().err
+    assert "The written file cannot be loaded: Drake refuses the file:" in told and "missing a type" in told
+
+
 def test_a_joint_of_an_included_model_is_not_written_into_the_world(tmp_path):
     world = tmp_path / "world.sdf"
     include = "<include><uri>arm.sdf</uri></include>"

@@ -97,6 +97,7 @@ def test_parameters_of_no_body_become_those_of_the_nearest_one_and_the_loss_is_t
         ("mjcf", False, "arm", "a bench has no links"),
         ("isaaclab", True, "arm", "the target has actuators only"),
         ("urdf", True, "leg", "robot.urdf has no link of this name"),
+        ("urdf", True, "base", "a link of 0 kg cannot be changed by it"),
     ],
 )
 def test_what_is_not_written_is_named(tmp_path, target, into, where, why):
@@ -105,3 +106,51 @@ def test_what_is_not_written_is_named(tmp_path, target, into, where, why):
     assert text.endswith(URDF) and told.startswith(f"{where}: link mass (mass +0.7) was not written: {why}")
     bias = {"effect": "ft_bias", "where": "foot", "fx": 1.0}
     assert "an error of the sensor" in with_links(URDF, "urdf", path, [bias], {})[1][0]
+
+
+@pytest.mark.parametrize("where", ["arm", "tool"])
+def test_bodies_that_mujoco_fuses_have_their_masses_once(tmp_path, where):
+    text = MJCF.replace('angle="radian"', 'angle="radian" fusestatic="true"')
+    written, _ = with_links(text, "mjcf", tmp_path / "robot.xml", [MASS | {"where": where}], {})
+    assert whole_of_mujoco(written)[0] == pytest.approx(3.2)
+
+
+def test_a_link_that_a_plugin_names_is_not_the_link(tmp_path):
+    plugin = '<gazebo><plugin name="p"><link name="arm"/></plugin></gazebo></robot>'
+    written, _ = with_links(URDF.replace("</robot>", plugin), "urdf", tmp_path / "robot.urdf", [MASS], {})
+    assert whole_of_drake(written, "urdf")[0] == pytest.approx(3.2)
+
+
+def test_what_no_link_or_several_have_by_name_is_not_written(tmp_path):
+    two = SDF.replace('<model name="r">', '<world name="w"><model name="r">').replace("</model></sdf>", "</model>")
+    two += SDF.split(">", 1)[1].replace('"r"', '"s"').replace("</sdf>", "</world></sdf>")
+    (told,) = with_links(two, "sdf", tmp_path / "two.sdf", [MASS], {})[1]
+    assert "was not written: two.sdf has no link of this name, or several" in told
+    many = MJCF.replace('<body name="arm">', '<replicate count="2" offset="1 0 0"><body name="arm">')
+    many = many.replace("</body></worldbody>", "</body></replicate></worldbody>")
+    (told,) = with_links(many, "mjcf", tmp_path / "many.xml", [MASS], {})[1]
+    assert "was not written: many.xml has no link of this name, or several" in told
+
+
+def test_links_of_a_file_whose_joints_form_a_loop_are_not_written(tmp_path):
+    loop = (
+        '<joint name="b" type="revolute"><parent link="tool"/><child link="base"/><axis xyz="0 1 0"/></joint></robot>'
+    )
+    (told,) = with_links(URDF.replace("</robot>", loop), "urdf", tmp_path / "robot.urdf", [MASS], {})[1]
+    assert (
+        "was not written: Drake refuses the file: The bodies and joints of this system form one or more loops" in told
+    )
+
+
+def test_a_mass_that_would_be_negative_is_not_written(tmp_path):
+    written, (told,) = with_links(URDF, "urdf", tmp_path / "robot.urdf", [MASS | {"mass": -5.0}], {})
+    assert written.endswith(URDF) and "was not written: a link of 2.5 kg cannot be changed by it" in told
+
+
+def test_a_payload_on_a_flange_without_mass_is_a_body_that_mujoco_loads(tmp_path):
+    flange = '<body name="flange"/></body></worldbody>'
+    load = {"effect": "payload", "where": "flange", "mass": 0.5, "com_x": 0.0, "com_y": 0.0, "com_z": 0.1}
+    text = MJCF.replace("</body></worldbody>", flange)
+    written, (told,) = with_links(text, "mjcf", tmp_path / "robot.xml", [load], {})
+    assert whole_of_mujoco(written)[0] == pytest.approx(3.0, rel=1e-5)
+    assert "payload" in told and "was written" in told

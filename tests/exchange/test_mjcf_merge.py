@@ -8,6 +8,7 @@ from drake_tc.actuation.model_file import save_models
 from drake_tc.cli.main import run as drake_tc
 from drake_tc.errors import ParamsError
 from drake_tc.exchange.mjcf import to_mjcf, with_torque_constant
+from drake_tc.exchange.mujoco_run import file_notes
 from drake_tc.exchange.projection import TARGETS, project
 from drake_tc.exchange.trial import changes
 from drake_tc.simulator_files.read import read_joints
@@ -232,6 +233,7 @@ LEFT = {
         "<general joint='knee' gainprm='5' biastype='affine' biasprm='0.5 -5 0'/>",
         "the constant force of <general>",
     ),
+    "gear": ("", "<position joint='knee' kp='5' gear='4'/>", "is 4 times the joint's (gear)"),
     "another drive": ("", "<motor joint='knee' gear='3'/>", "a drive whose command is a torque"),
     "integral": ("", "<pid joint='knee' kp='5' ki='10'/>", "integral action of 2 1/s"),
     "cogging": (
@@ -279,6 +281,139 @@ def test_what_the_model_lacks_goes_and_is_named(tmp_path, kind):
             (line,) = changes(written, SERVO_OF_THE_KNEE, path)
             assert told in line and "removed from your file" in line
     assert moved[0] == moved[1] != 0.0
+
+
+PLAY_OF_THE_KNEE = [
+    project(ActuatorModel("knee", SERVO, (*FRICTION, EffectValue("backlash", {"backlash": 0.02}))), TARGETS["mjcf"])
+]
+SERVO_FILE = '<position name="a" joint="knee" kp="5" timeconst="0.1"/>'
+HINGE = '<joint name="knee_backlash" axis="0 1 0" range="-0.01 0.01" stiffness="0"/>'
+WHEEL = '<body name="base"><freejoint/><geom size="1"/></body>'
+POSE = "<keyframe><key qpos='{}' act='0.1' ctrl='0.3'/></keyframe>"
+
+
+def test_keyframes_and_sensors_follow_the_hinge_of_a_gear_that_comes_and_goes(tmp_path):
+    """A wheel of another joint stands behind it, and a body that floats before it."""
+    last = '<body><joint name="wheel"/><geom size="0.1"/></body></worldbody>'
+    path = own_file(tmp_path, SERVO_FILE)
+    text = path.read_text().replace("<worldbody>", f"<worldbody>{WHEEL}").replace("</worldbody>", last)
+    path.write_text(text.replace("</mujoco>", f"{POSE.format('1 2 3 1 0 0 0 0.2 0.4')}</mujoco>"))
+    with_play = to_mjcf(PLAY_OF_THE_KNEE, path)
+    model = mujoco.MjModel.from_xml_string(with_play)
+    np.testing.assert_allclose(model.key_qpos[0], [1, 2, 3, 1, 0, 0, 0, 0.2, 0.0, 0.4])
+    assert model.key_ctrl[0] == 0.3 and "act=" not in with_play
+    told = changes(with_play, PLAY_OF_THE_KNEE, path)
+    assert "The states of actuators (act) were removed from the keyframes: the drive has others now." in told
+    path.write_text(with_play.replace("</mujoco>", "<sensor><jointpos joint='knee_backlash'/></sensor></mujoco>"))
+    without = to_mjcf(SERVO_OF_THE_KNEE, path)
+    model = mujoco.MjModel.from_xml_string(without)
+    np.testing.assert_allclose(model.key_qpos[0], [1, 2, 3, 1, 0, 0, 0, 0.2, 0.4])
+    told = changes(without, SERVO_OF_THE_KNEE, path)
+    assert "<jointpos> of your file was removed with the joint knee_backlash." in told
+
+
+def test_a_new_drive_stands_behind_the_others_whose_controls_keep_their_places(tmp_path):
+    last = '<body><joint name="wheel" class="main"/><geom size="0.1"/></body></worldbody>'
+    path = own_file(tmp_path, '<motor name="w" joint="wheel"/>')
+    text = path.read_text().replace("</worldbody>", last)
+    path.write_text(text.replace("</mujoco>", "<keyframe><key ctrl='0.7'/></keyframe></mujoco>"))
+    model = mujoco.MjModel.from_xml_string(to_mjcf(SERVO_OF_THE_KNEE, path))
+    assert model.actuator("w").id == 0 and model.key_ctrl[0].tolist() == [0.7, 0.0]
+
+
+def test_a_coupling_of_the_same_name_is_not_the_joint(tmp_path):
+    path = own_file(tmp_path, SERVO_FILE)
+    path.write_text(
+        path.read_text().replace("</mujoco>", "<equality><joint name='knee' joint1='knee'/></equality></mujoco>")
+    )
+    model = mujoco.MjModel.from_xml_string(to_mjcf(SERVO_OF_THE_KNEE, path))
+    assert model.dof_armature[0] == 0.31 and model.neq == 1
+
+
+def test_axis_and_type_of_a_joint_may_be_those_of_its_class(tmp_path):
+    path = own_file(tmp_path, SERVO_FILE)
+    text = path.read_text().replace('axis="0 1 0"', 'class="arm"').replace(' childclass="arm"', "")
+    path.write_text(text.replace("<joint damping", '<joint axis="0 1 0" ref="0.3" springdamper="0.1 1" damping'))
+    model, data = forward(to_mjcf(PLAY_OF_THE_KNEE, path))
+    np.testing.assert_allclose(model.jnt_axis, [[0, 1, 0]] * 2)
+    assert model.qpos0[1] == 0.0 and model.jnt_stiffness[1] == 0.0
+    path.write_text(text.replace("<joint damping", '<joint type="slide" damping').replace("radian", "degree"))
+    spring = EffectValue("cable_spring", {"spring_stiffness": 2.0, "spring_preload": 0.4})
+    model = ActuatorModel("knee", SERVO, (spring,), joint_type="prismatic")
+    data = forward(to_mjcf([project(model, TARGETS["mjcf"])], path))[1]
+    assert data.qfrc_passive[0] == pytest.approx(-0.4)
+    with pytest.raises(ParamsError, match="joint 'knee' is a slide, and the model's is a hinge"):
+        to_mjcf(SERVO_OF_THE_KNEE, path)
+    wheel = '<body><joint name="wheel" type="hinge"/><geom size="1"/></body></worldbody>'
+    path.write_text(text.replace("<joint damping", '<joint type="ball" damping').replace("</worldbody>", wheel))
+    with pytest.raises(ParamsError, match="no <joint name='knee'> that is a hinge or slide; joints: wheel"):
+        to_mjcf(SERVO_OF_THE_KNEE, path)
+
+
+DC = '<dcmotor name="a" joint="knee" motorconst="0.1" resistance="2" gear="10" ctrlrange="-12 12"/>'
+
+
+@pytest.mark.parametrize(
+    ("actuator", "kind", "largest"),
+    [
+        ('<general name="a" joint="knee" gainprm="10" gear="2" ctrlrange="-1 1"/>', "current", 20.0),
+        ('<motor name="a" joint="knee" gear="-4" ctrlrange="-1 2"/>', "current", 8.0),
+        (DC, "voltage", 6.0),
+        ('<velocity name="a" joint="knee" kv="10" ctrlrange="-1 1"/>', "current", 2e6),
+        ('<damper name="a" joint="knee" kv="10" ctrlrange="0 1"/>', "current", 2e6),
+    ],
+)
+def test_a_limit_of_the_command_is_that_of_the_same_torque_or_goes(tmp_path, actuator, kind, largest):
+    model = ActuatorModel("knee", Drive(kind, 0.5), FRICTION)
+    text = to_mjcf([project(model, TARGETS["mjcf"])], own_file(tmp_path, actuator))
+    assert max(abs(torques(text, command, 0.0, 0.0)[0]) for command in (-1e6, 1e6)) == pytest.approx(largest, rel=1e-9)
+
+
+@pytest.mark.parametrize("place", ["<joint damping", "<joint name"])
+def test_a_limit_of_the_joint_gives_way_to_an_identified_one_and_one_of_the_command_is_told(tmp_path, place):
+    limited = ActuatorModel("knee", MOTOR, (*FRICTION, EffectValue("saturation", {"limit": 10.0})))
+    projections = [project(limited, TARGETS["mjcf"])]
+    path = own_file(tmp_path, '<motor name="a" joint="knee" gear="4"/>')
+    path.write_text(path.read_text().replace(place, place.replace(" ", ' actuatorfrcrange="-3 3" ')))
+    assert torques(to_mjcf(projections, path), 1e6, 0.0, 0.0)[0] == pytest.approx(20.0, rel=1e-9)
+    path = own_file(tmp_path, '<motor name="a" joint="knee" gear="4" ctrlrange="-1 1"/>')
+    kept = changes(to_mjcf(projections, path), projections, path)[-1]
+    assert "kept from your file" in kept and "a limit of the torque of 4 N m" in kept
+
+
+@pytest.mark.parametrize(
+    ("actuator", "told"),
+    [
+        ('gear="x"', "robot.xml: <motor> in line 17: gear: expected finite numbers, got 'x'"),
+        ('delay="a"', "robot.xml: <motor> in line 17: delay: expected finite numbers, got 'a'"),
+        ('class="leg"', "robot.xml: <motor> in line 17: no default class 'leg'; classes here: main, arm"),
+    ],
+)
+def test_a_file_that_cannot_be_read_is_refused_in_one_line(tmp_path, actuator, told):
+    with pytest.raises(ParamsError, match=told):
+        to_mjcf(SERVO_OF_THE_KNEE, own_file(tmp_path, f'<motor joint="knee" {actuator}/>'))
+
+
+@pytest.mark.parametrize("actuator", ['general name="a" biastype="affine" biasprm="0 -1 0"', 'velocity name="a"'])
+def test_limits_that_stay_are_told_although_the_drive_has_another_tag(tmp_path, actuator):
+    path = own_file(tmp_path, f'<{actuator} joint="knee" forcerange="-1 2" ctrlrange="-1 1"/>')
+    (*_, kept) = changes(to_mjcf(SERVO_OF_THE_KNEE, path), SERVO_OF_THE_KNEE, path)
+    assert "kept from your file" in kept and "forcerange of <position name='a'>, which is not symmetric" in kept
+    assert ("ctrlrange of <position name='a'>" in kept) == ("general" in actuator)
+
+
+def test_a_limit_that_goes_is_told(tmp_path):
+    path = own_file(tmp_path, "<position joint='knee' kp='5' inheritrange='1'/>")
+    path.write_text(path.read_text().replace('stiffness="0"', 'range="-9 9"'))
+    removed, _kept = changes(to_mjcf(SERVO_OF_THE_KNEE, path), SERVO_OF_THE_KNEE, path)
+    assert "removed from your file" in removed and "inheritrange of <position>" in removed
+
+
+def test_a_written_file_that_mujoco_refuses_is_named(tmp_path):
+    default = '<general dyntype="filter" dynprm="0.1" actlimited="true" actrange="-1 1"/>'
+    path = own_file(tmp_path, '<general class="arm" name="a" joint="knee"/>', default)
+    told = file_notes(to_mjcf(SERVO_OF_THE_KNEE, path), SERVO_OF_THE_KNEE, path)[-1]
+    assert told.startswith("The written file cannot be loaded: MuJoCo refuses the file: Error: actrange specified")
 
 
 def test_the_content_of_includes_is_written_with_the_rest(tmp_path):

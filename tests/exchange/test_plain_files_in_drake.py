@@ -13,10 +13,16 @@ from pydrake.systems.analysis import Simulator
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.recorded_run import Link
 from drake_tc.cli.main import run as drake_tc
-from drake_tc.exchange.drake_run import simulate_in_drake, simulate_sdf_in_drake, simulate_urdf_in_drake
+from drake_tc.exchange.drake_run import (
+    simulate_file_in_drake,
+    simulate_in_drake,
+    simulate_sdf_in_drake,
+    simulate_urdf_in_drake,
+)
 from drake_tc.exchange.projection import TARGETS, project
-from drake_tc.exchange.trial import try_export
-from drake_tc.exchange.urdf import to_urdf
+from drake_tc.exchange.target_run import RunInput, WrittenFile
+from drake_tc.exchange.trial import changes, try_export
+from drake_tc.exchange.urdf import to_sdf, to_urdf
 from drake_tc.simulator_files.terms import Terms
 
 from .test_target_runs import COULOMB, SERVO, T, alone, command_into_the_users_file, recorded
@@ -178,3 +184,57 @@ def test_the_damping_of_a_servo_stands_once_in_a_urdf_with_drakes_tags():
     gains = plant.GetJointActuatorByName("joint").get_controller_gains()
     assert gains.d == pytest.approx(5.0)
     assert plant.GetJointByName("joint").default_damping_vector()[0] + gains.d == pytest.approx(40.0)
+
+
+def test_a_servo_of_the_file_goes_where_the_models_drive_is_none(tmp_path):
+    """The written file then moves by the torque alone, and the sentence says so."""
+    gains = '<drake:controller_gains p="9" d="2"/>'
+    texts = {
+        "urdf": URDF.replace('<actuator name="joint"/>', f'<actuator name="joint">{gains}</actuator>'),
+        "sdf": SDF.replace("{dynamics}</axis>", f"</axis>{gains}"),
+    }
+    model = ActuatorModel("joint", Drive("current", 0.5), (EffectValue("viscous", {"viscous": 4.0}),))
+    for kind, write in (("urdf", to_urdf), ("sdf", to_sdf)):
+        path, projections = tmp_path / f"mine.{kind}", [project(model, TARGETS[kind])]
+        path.write_text(texts[kind].format(dynamics=""), encoding="utf-8")
+        written = write(projections, path)
+        assert "controller_gains" not in written
+        assert any("removed from your file" in told for told in changes(written, projections, path))
+
+
+@FORMATS
+def test_a_joint_moves_alike_whether_other_joints_of_the_file_are_driven(kind):
+    """Drake's port of the desired state has a place for each actuator of the model, with gains or without."""
+    other = {
+        "urdf": URDF.split("<link", 2)[2]
+        .replace('"joint"', '"other"')
+        .replace('"rotor"', '"rotor2"')
+        .replace('"t"', '"u"'),
+        "sdf": SDF.split('<link name="base"/>')[1].replace('"joint"', '"other"').replace("rotor", "rotor2"),
+    }[kind]
+    other = f"<link{other}" if kind == "urdf" else other
+    alone_text = {"urdf": URDF, "sdf": SDF}[kind].format(dynamics="")
+    both = alone_text.replace("</robot>", other.format(dynamics=""))
+    if kind == "sdf":
+        both = alone_text.replace("</model>\n</sdf>\n", other.format(dynamics=""))
+    given = RunInput(0.3 * np.sin(6.0 * T[:300]), np.zeros(300), (0.0, 0.0), 1e-3)
+    runs = [
+        simulate_file_in_drake(WrittenFile(text, "joint", servo=(2.0, 0.0)), None, given) for text in (alone_text, both)
+    ]
+    np.testing.assert_allclose(runs[1], runs[0], atol=1e-12)
+    assert np.ptp(runs[0]) > 0.01
+
+
+@FORMATS
+def test_a_limit_of_0_does_not_cost_the_servo_its_actuator(tmp_path, kind):
+    """Tools that export robots write 0 where they know none."""
+    gains = '<drake:controller_gains p="9" d="2"/>'
+    text = {"urdf": URDF, "sdf": SDF.replace("{dynamics}</axis>", f"</axis>{gains}")}[kind]
+    path = tmp_path / f"mine.{kind}"
+    path.write_text(text.format(dynamics="").replace("0.6", "0"), encoding="utf-8")
+    model = ActuatorModel("joint", Drive("position_servo", 0.5), (EffectValue("viscous", {"viscous": 4.0}),))
+    projections = [project(model, TARGETS["drake-urdf" if kind == "urdf" else "sdf"])]
+    written = to_urdf(projections, path, drake=True) if kind == "urdf" else to_sdf(projections, path)
+    plant = MultibodyPlant(1e-3)
+    Parser(plant).AddModelsFromString(written, kind)
+    assert plant.GetJointActuatorByName("joint").get_controller_gains().p == pytest.approx(2.0)

@@ -237,3 +237,25 @@ def test_a_negative_term_is_listed_and_not_declared(tmp_path):
     )
     (terms,) = declared_terms(parse_rig({"joint": "a", "drive": "torque"}), path)
     assert terms.declared == {"coulomb": 0.2} and terms.unused == ("its negative viscous (-0.1)",)
+
+
+SLIDE = (
+    '<mujoco><worldbody><body><joint name="knee" type="{}" armature="3"/><geom size="1"/></body></worldbody></mujoco>',
+    '<robot name="r"><joint name="knee" type="{}"><dynamics damping="3"/></joint></robot>',
+    '<sdf version="1.9"><model name="m"><joint name="knee" type="{}"/></model></sdf>',
+)
+
+
+@pytest.mark.parametrize("text", SLIDE)
+def test_a_joint_that_slides_in_the_file_and_turns_in_the_rig_is_refused(tmp_path, text):
+    """3 kg are not 3 kg m^2."""
+    path = tmp_path / "robot.xml"
+    path.write_text(text.format("slide" if "mujoco" in text else "prismatic"))
+    with pytest.raises(
+        RigError, match="joint 'knee' is prismatic, and revolute in the rig file; state joint_type: pris"
+    ):
+        declared_terms(parse_rig(RIG), path)
+    assert declared_terms(parse_rig(RIG | {"units": {"position": "mm"}}), path)
+    path.write_text(text.format("hinge" if "mujoco" in text else "revolute"))
+    with pytest.raises(RigError, match="joint 'knee' is revolute, and prismatic in the rig file"):
+        declared_terms(parse_rig(RIG | {"joint_type": "prismatic"}), path)

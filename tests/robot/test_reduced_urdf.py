@@ -6,6 +6,7 @@ from numpy.testing import assert_allclose
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 
+from drake_tc.errors import ParamsError
 from drake_tc.robot.plant import make_plant
 from drake_tc.robot.robot import load_robot
 from drake_tc.robot.urdf import reduced_urdf
@@ -107,6 +108,34 @@ def test_undeclared_prefixes_and_a_link_world_are_no_obstacle(tmp_path):
     plant = make_plant(robot, 1e-3)
     assert plant.num_velocities() == 6 + 2
     assert plant.GetBodyByName("base").is_floating_base_body()
+
+
+HUNG = (
+    '<robot name="arm"><link name="world"/><joint name="stand" type="{}"><parent link="world"/><child link="mount"/>'
+    '<origin xyz="0 0 2" rpy="3 0.2 0"/></joint><link name="mount"/><joint name="foot" type="fixed">'
+    '<parent link="mount"/><child link="base"/><origin xyz="0 0 0.1" rpy="0 0 1"/></joint>'
+)
+
+
+@pytest.mark.parametrize(("base", "bodies"), [("base", ["base", "hand"]), ("mount", ["mount", "base", "hand"])])
+def test_a_base_on_a_link_world_hangs_as_the_urdf_says(tmp_path, base, bodies):
+    text = ARM.replace('<robot name="arm">', HUNG.format("fixed"))
+    robot = load_robot(robot_file(tmp_path, text, joints=["wrist", "shoulder"], locked=LOCKED, base=base))
+    plant = MultibodyPlant(1e-3)
+    mesh = '<visual><geometry><mesh filename="package://nowhere/upper.stl"/></geometry></visual>'
+    Parser(plant).AddModelsFromString(text.replace(mesh, ""), "urdf")
+    plant.Finalize()
+    same_mechanics(plant, make_plant(robot, 1e-3), LOCKED, bodies)
+
+
+def test_a_joint_on_a_link_world_stays_at_0_and_cannot_be_driven(tmp_path):
+    text = ARM.replace('<robot name="arm">', HUNG.format("continuous"))
+    robot = load_robot(robot_file(tmp_path, text))
+    assert robot.unused[0].endswith(
+        "not used of stand (line 2): that it moves mount on the link 'world' (it stays at 0)."
+    )
+    with pytest.raises(ParamsError, match="joint 'stand' stands on the link 'world', which never moves: rename that"):
+        load_robot(robot_file(tmp_path, text, joints=["stand", "wrist"]))
 
 
 def test_a_floating_base_below_the_root_carries_the_root(tmp_path):

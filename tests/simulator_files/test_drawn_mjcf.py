@@ -134,6 +134,83 @@ def test_a_group_that_is_switched_off_does_not_drive_and_its_damping_acts(tmp_pa
     assert data.qfrc_actuator[0] + data.qfrc_passive[0] == pytest.approx(-joint.terms.damping)
 
 
+DRY = {"joint": 'frictionloss="0.5" damping="1" stiffness="2" springref="30"', "actuators": '<position joint="a"/>'}
+
+
+@pytest.mark.parametrize(
+    ("options", "frictionloss"),
+    [
+        ('<option><flag constraint="disable"/></option>', 0.0),
+        ('<option><flag damper="disable"/></option><option><flag damper="enable"/></option>', 0.5),
+        ('<compiler angle="degree"/>', 0.5),
+    ],
+)
+def test_of_options_that_a_file_has_twice_the_last_one_counts_as_in_mujoco(tmp_path, options, frictionloss):
+    """The file begins with radians."""
+    mujoco = pytest.importorskip("mujoco", minversion="3.12")
+    joint = read_one(tmp_path, options=options, **DRY)
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "one.xml"))
+    data = mujoco.MjData(model)
+    data.qvel[0] = 1.0
+    mujoco.mj_forward(model, data)
+    assert data.qfrc_passive[0] == pytest.approx(-joint.terms.damping - joint.terms.preload)
+    assert joint.terms.frictionloss == frictionloss
+    assert (data.nefc == 0) == (frictionloss == 0.0)
+
+
+BRAKED = '<general joint="a" gainprm="10" ctrlrange="-.5 .5" biastype="affine" biasprm="0 0 -1"/>'
+
+
+@pytest.mark.parametrize("limit", [3.0, 8.0])
+def test_a_limit_of_the_joint_is_that_of_the_drive_with_its_damping(tmp_path, limit):
+    """Where it is the smaller one; that of the command is one without the damping."""
+    mujoco = pytest.importorskip("mujoco", minversion="3.12")
+    joint = read_one(tmp_path, joint=f'actuatorfrcrange="-{limit} {limit}"', actuators=BRAKED)
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "one.xml"))
+    data = mujoco.MjData(model)
+    for speed in (-2.0, 1.0, 2.0):
+        data.qvel[0], data.ctrl[0] = speed, 0.4
+        mujoco.mj_forward(model, data)
+        expected = expected_torque(joint, 1.0, 0.0, speed, 0.4)
+        assert data.qfrc_actuator[0] + data.qfrc_passive[0] == pytest.approx(expected, rel=1e-9)
+    assert ["larger limit of <general>" in each for each in joint.unused] == [True]
+    assert joint.terms.torque_limit == min(limit, 5.0)
+
+
+PULLED = '<motor joint="a" gear="3"/><velocity joint="a" kv="2"/>'
+SERVO = '<position joint="a"/>'
+
+
+@pytest.mark.parametrize(
+    ("parts", "told"),
+    [
+        ({"joint": 'actuatorfrcrange="-5 5"', "actuators": PULLED}, "which limits several actuators together"),
+        ({"more": '<joint name="a_backlash" axis="0 1 0"/>', "actuators": SERVO}, "too wide or does not act"),
+        ({"more": '<joint name="a_backlash" axis="1 0 0"/>', "actuators": SERVO}, "not on the same body and axis"),
+    ],
+)
+def test_limits_and_plays_that_are_not_taken_are_listed(tmp_path, parts, told):
+    assert any(told in each for each in read_one(tmp_path, **parts).unused)
+
+
+def test_a_damping_ratio_is_that_of_the_actuator_itself(tmp_path):
+    """Neither of two actuators of the joint has a name."""
+    mujoco = pytest.importorskip("mujoco", minversion="3.12")
+    drives = '<motor joint="a"/><position joint="a" kp="9" dampratio="0.7"/>'
+    joint = read_one(tmp_path, actuators=drives)
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "one.xml"))
+    assert joint.derivative_gain == pytest.approx(-model.actuator_biasprm[1][2]) != 0.0
+
+
+def test_soft_dry_friction_and_a_drive_that_is_switched_off_are_listed(tmp_path):
+    joint = 'frictionloss="0.5" solreffriction="0.2 1"'
+    drive = {"options": '<option actuatorgroupdisable="1"/>', "actuators": '<position joint="a" group="1"/>'}
+    assert read_one(tmp_path, joint=joint, **drive).unused == (
+        "its solreffriction (0.2)",
+        "<position> in line 1, whose group <option> disables",
+    )
+
+
 def test_an_include_is_followed_and_one_that_is_missing_is_named(tmp_path):
     (tmp_path / "drives.xml").write_text(
         '<mujoco><actuator><position joint="a" kp="7"/></actuator></mujoco>', encoding="utf-8"

@@ -390,6 +390,12 @@ TRANSMISSION = (
     '<transmission name="t{}"><type>SimpleTransmission</type><joint name="a"/><actuator name="m">'
     "<mechanicalReduction>50</mechanicalReduction><motorInertia>1e-5</motorInertia></actuator>{}</transmission>"
 )
+MOTOR, DRAKES = "<motorInertia>1e-5</motorInertia>", '<drake:rotor_inertia value="0.025"/>'
+DIFFERENTIAL = '<transmission name="w" type="WristTransmission"><flexJoint name="a"/></transmission>'
+LIMITED = (
+    '<ros2_control name="c"><joint name="a"><command_interface name="effort"><param name="max">3</param>'
+    "</command_interface></joint></ros2_control>"
+)
 IN_CONTROL = '<ros2_control name="c"><transmission name="t"><joint name="a"/></transmission></ros2_control>'
 
 
@@ -412,6 +418,13 @@ IN_CONTROL = '<ros2_control name="c"><transmission name="t"><joint name="a"/></t
             "its further mechanicalReduction (2)",
         ),
         ("", '<gazebo><plugin name="pid"><joint>a</joint><p>30</p></plugin></gazebo>', "its <plugin name='pid'>"),
+        ("", '<gazebo><plugin name="f"><mimicJoint>a</mimicJoint></plugin></gazebo>', "its <plugin name='f'>"),
+        ("", '<gazebo><joint name="loop"><parent>l</parent><child>b</child></joint></gazebo>', "<joint name='loop'>"),
+        ("", LIMITED, "its <ros2_control> parameter max"),
+        ("", DIFFERENTIAL, "its transmission <transmission name='w'> in line 1, which is no SimpleTransmission"),
+        ("", TRANSMISSION.format(1, "").replace(MOTOR, ""), "its mechanicalReduction (50)"),
+        ("", TRANSMISSION.format(1, "").replace(MOTOR, DRAKES), "its mechanicalReduction (50)"),
+        ("", '<joint name="f" type="continuous"><mimic joint="a"/></joint>', "that 'f' follows it (mimic)"),
     ],
 )
 def test_odd_forms_of_a_urdf_are_listed(tmp_path, of_joint, beside, told):
@@ -422,7 +435,7 @@ def test_odd_forms_of_a_urdf_are_listed(tmp_path, of_joint, beside, told):
     )
     joint = read_joints(path, RigError)["a"]
     assert any(told in each for each in joint.unused)
-    assert joint.terms.armature == pytest.approx(0.025 if "motorInertia" in beside else 0.0)
+    assert joint.terms.armature == pytest.approx(0.025 if "Inertia" in beside or "inertia" in beside else 0.0)
 
 
 def test_a_limit_of_a_urdf_may_be_infinite(tmp_path):
@@ -447,6 +460,10 @@ def test_a_joint_that_is_twice_in_a_urdf_is_refused(tmp_path):
         ("<joint name='g' type='gearbox'><parent>l</parent><child>m</child></joint>", "<joint name='g'>"),
         ("<drake:linear_spring_damper/>", "<drake:linear_spring_damper>"),
         ("<plugin name='pid'><joint_name>elbow</joint_name></plugin>", "<plugin name='pid'>"),
+        ("<link name='tool'><gravity>false</gravity></link>", "gravity of <link name='tool'>"),
+        ("<link name='tool'><velocity_decay><angular>1</angular></velocity_decay></link>", "velocity_decay of <link"),
+        ("<joint name='f' type='revolute'><axis><mimic joint='elbow'/></axis></joint>", "that 'f' follows it (mimic)"),
+        ("<joint name='f' type='revolute'><drake:mimic joint='elbow'/></joint>", "that 'f' follows it (mimic)"),
     ],
 )
 def test_what_acts_on_joints_of_an_sdf_file_from_beside_is_listed(tmp_path, beside, told):

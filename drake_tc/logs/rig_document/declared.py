@@ -316,7 +316,7 @@ def declared_terms(rig: "Rig", path: Path, joints: Sequence[str] = ()) -> list[D
         joints: Those that must be in the file; none: those of the rig that are in it, at least one.
 
     Raises:
-        RigError: a file that cannot be used, or that lacks a joint.
+        RigError: a file that cannot be used, that lacks a joint, or in which it is of another type.
     """
     read = read_joints(path, RigError)
     known = [joint for joint in rig.joints if joint in read or ANY_JOINT in read]
@@ -324,6 +324,10 @@ def declared_terms(rig: "Rig", path: Path, joints: Sequence[str] = ()) -> list[D
     if missing or not known:
         names = ", ".join(missing or rig.joints)
         raise RigError(f"{path}: it has no joint {names}; its joints: {', '.join(read)}")
+    for joint in joints or known:
+        there, here = read[joint if joint in read else ANY_JOINT].joint_type, rig.joint_type(joint)
+        if there is not None and there != here:
+            raise RigError(f"{path}: joint {joint!r} is {there}, and {here} in the rig file; state joint_type: {there}")
     return [_of_joint(joint, rig.drive[joint], read.get(joint, read.get(ANY_JOINT))) for joint in joints or known]
 
 
