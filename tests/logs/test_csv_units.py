@@ -45,6 +45,17 @@ TURN = 2.0 * np.pi
         ("force (lbf)", "torque", "lbf"),
         ("pos_estimate [turns]", "position", "turn"),
         ("Drehzahl [1/min]", "velocity", "rpm"),
+        ("I/A", "current", "A"),
+        ("tau/mNm", "torque", "mN*m"),
+        ("ω/(rad/s)", "velocity", "rad/s"),
+        ("positionDeg", "position", "deg"),
+        ("torqueMNm", "torque", "mN*m"),
+        ("deg_pos", "position", "deg"),
+        ("Current (mAmps)", "current", "mA"),
+        ("Torque (ft-lbs)", "torque", "lbf*ft"),
+        ("torque_millinewtonmeters", "torque", "mN*m"),
+        ("Time (sec)", "time", "s"),
+        ("time_msec", "time", "ms"),
     ],
 )
 def test_units_as_spreadsheets_and_data_sheets_write_them(name, quantity, unit):
@@ -57,6 +68,10 @@ def test_units_as_spreadsheets_and_data_sheets_write_them(name, quantity, unit):
     [
         ("tau_J[3]", "joint_3", "torque"),
         ("tau_J_d[3]", "joint_3", "torque_command"),
+        ("control.tau_J_d_3", "joint_3", "torque_command"),
+        ("/controller_state/actual/positions.3", "joint_3", "position"),
+        ("/arm_controller/controller_state/desired/positions[3]", "arm_3", "position_command"),
+        ("hip/dof_pos", "hip", "position"),
         ("applied_torque_1", "joint_1", "torque_command"),
         ("joint_positions_0", "joint_0", "position"),
         ("jointVelocities[2]", "joint_2", "velocity"),
@@ -81,6 +96,28 @@ def test_names_of_public_logs(name, joint, quantity):
     assert told is not None and (told.joint, told.quantity, told.unit) == (joint, quantity, "")
 
 
+@pytest.mark.parametrize(
+    ("name", "quantity", "unit"),
+    [
+        ("pos_deg_knee", "position", "deg"),
+        ("position [deg] knee", "position", "deg"),
+        ("cur_mA_knee", "current", "mA"),
+        ("vel_rad_s_knee", "velocity", "rad/s"),
+        ("knee_pos_deg_cmd", "position_command", "deg"),
+        ("kneePosDeg", "position", "deg"),
+    ],
+)
+def test_units_between_other_words(name, quantity, unit):
+    told = meaning(name)
+    assert told is not None and (told.joint, told.quantity, told.unit) == ("knee", quantity, unit)
+
+
+@pytest.mark.parametrize("name", ["lb_hip_torque", "turn_angle", "rev_knee_pos", "q/a", "arm/in"])
+def test_words_that_may_be_units_are_names_of_joints(name):
+    told = meaning(name)
+    assert told is None or (told.joint and not told.unit)
+
+
 @pytest.mark.parametrize(("name", "joint"), [("pos (A)", "A"), ("pos (left/knee)", "left_knee"), ("q_ma", "ma")])
 def test_names_of_joints_are_no_units(name, joint):
     told = meaning(name)
@@ -99,7 +136,7 @@ def test_names_of_what_is_no_signal_of_a_motor(name):
     assert meaning(name) is None
 
 
-@pytest.mark.parametrize("unit", ["%", "µNm", "counts/s", "raw"])
+@pytest.mark.parametrize("unit", ["%", "µNm", "cNm", "counts/s", "raw"])
 def test_a_unit_that_no_rig_file_may_name_is_not_taken_for_si(tmp_path, unit):
     table = mine().rename(columns={"torque": f"torque [{unit}]"})
     (tmp_path / "run.csv").write_text(table.to_csv(index=False))
@@ -182,6 +219,13 @@ def test_stamps_of_two_numbers(tmp_path, whole, rest):
     found = inspect_log(tmp_path / "run.csv")
     run = load_run(tmp_path / "run.csv", parse_rig(dict(found.rig)))
     assert len(run) == len(table) and run.period == pytest.approx(np.median(np.diff(bench()["time"])), rel=1e-6)
+
+
+def test_parts_of_a_stamp_are_no_time_beside_a_whole_one(tmp_path):
+    log = bench()
+    parts = {"rosbagTimestamp": 1.7e9 + log["time"], "secs": 1.7e9 + np.floor(log["time"]), "nsecs": log["time"] % 1.0}
+    log.drop(columns="time").assign(**parts).to_csv(tmp_path / "run.csv", index=False)
+    assert inspect_log(tmp_path / "run.csv").rig["columns"]["time"] == "rosbagTimestamp"
 
 
 def test_the_header_of_rostopic_stands_in_a_comment(tmp_path):

@@ -541,6 +541,8 @@ def with_whole_stamps(table: pd.DataFrame) -> pd.DataFrame:
         if (stem, word) in by_end
     ]
     stamps = {name for pair in pairs for name in pair[:2]}
+    aside = dict.fromkeys(stamps, "part of a stamp of the time")
+    table.attrs["aside"] = {**table.attrs.get("aside", {}), **aside}
     told = (meaning(name) for name in last if name not in stamps)
     if not pairs or any(each is not None and each.quantity == "time" for each in told):
         return table
@@ -548,8 +550,6 @@ def with_whole_stamps(table: pd.DataFrame) -> pd.DataFrame:
     seconds, more = (pd.to_numeric(table[name], errors="coerce").to_numpy(np.float64) for name in (whole, rest))
     first = next(iter(seconds[np.isfinite(seconds)]), 0.0)
     table.insert(0, "time", seconds - first + unit * more)
-    aside = dict.fromkeys(stamps, "part of a stamp of the time")
-    table.attrs["aside"] = {**table.attrs.get("aside", {}), **aside}
     note = f"The time is that of {whole!r} and {rest!r} together, counted from the first second."
     table.attrs["notes"] = [*table.attrs.get("notes", ()), note]
     return table
