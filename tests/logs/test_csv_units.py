@@ -203,10 +203,20 @@ def test_a_switch_in_words_is_used(tmp_path, on, off):
     assert np.all(run.segment[run.time <= 1.0] < 0) and np.all(run.segment[run.time > 1.1] >= 0)
 
 
-def test_cells_between_blanks_are_refused_with_what_to_do(tmp_path):
-    np.savetxt(tmp_path / "run.csv", bench().to_numpy()[:, :3], header="t q tau")
-    with pytest.raises(LogError, match="expected commas, semicolons or tabs between the cells, got blanks"):
-        read_table(tmp_path / "run.csv")
+@pytest.mark.parametrize("layout", ["# ", "", "aligned"])
+def test_cells_between_blanks(tmp_path, layout):
+    own = bench().iloc[:, :3].set_axis(["t", "q", "tau"], axis=1)
+    if layout == "aligned":
+        (tmp_path / "run.txt").write_text(own.to_string(index=False))
+    else:
+        np.savetxt(tmp_path / "run.txt", own, header="t q tau", comments=layout)
+    assert_allclose(read_table(tmp_path / "run.txt")[["t", "q", "tau"]], own, rtol=0, atol=1e-6)
+
+
+def test_blanks_in_names_between_blanks_are_refused_with_what_to_do(tmp_path):
+    np.savetxt(tmp_path / "run.txt", bench().to_numpy()[:, :3], header="t (s) q tau")
+    with pytest.raises(LogError, match="got blanks, and above 3 numbers 4 words; write one word for each name, or"):
+        read_table(tmp_path / "run.txt")
 
 
 @pytest.mark.parametrize(("whole", "rest"), [("secs", "nsecs"), ("header.stamp.sec", "header.stamp.nanosec")])

@@ -80,7 +80,14 @@ def test_a_file_that_is_no_table_is_refused(tmp_path, name, content, says):
     assert says in unreadable(tmp_path / name)
 
 
-@pytest.mark.parametrize("encoding", ["utf-16", "utf-16-le", "utf-16-be", "utf-32"])
+@pytest.mark.parametrize("mark", ["utf-16-le", "utf-16-be"])
+def test_csv_in_utf_16_with_its_mark(tmp_path, mark):
+    text = "\ufefftime [s]\tWinkel [°]\n" + "1\t2\n" * 30
+    (tmp_path / "run.csv").write_bytes(text.encode(mark))
+    assert list(read_table(tmp_path / "run.csv").columns) == ["time [s]", "Winkel [°]"]
+
+
+@pytest.mark.parametrize("encoding", ["utf-16-le", "utf-16-be", "utf-32"])
 def test_csv_in_another_encoding_is_refused(tmp_path, encoding):
     (tmp_path / "run.csv").write_bytes(("time,q\n" + "1,2\n" * 30).encode(encoding))
     assert "expected text in UTF-8" in unreadable(tmp_path / "run.csv")
@@ -110,7 +117,24 @@ def test_decimal_commas_are_read_beside_a_separator_that_is_no_comma(tmp_path, s
     assert "'time', 'joint/position', 'gap' have a decimal comma" in note
 
 
-@pytest.mark.parametrize("texts", [["1.234,5", "2,5"], ["1,2", "two"], ["1,2,3", "1,2"]])
+@pytest.mark.parametrize(
+    ("separator", "texts", "numbers"),
+    [
+        (";", ["-1.234,5", "2,5", "nan"], [-1234.5, 2.5, np.nan]),
+        (",", ['"1,234.5"', "2.5", "-nan(ind)"], [1234.5, 2.5, np.nan]),
+        (",", ['"1,234,567"', '"1,234"', "12"], [1234567.0, 1234.0, 12.0]),
+    ],
+)
+def test_separators_of_thousands(tmp_path, separator, texts, numbers):
+    """A text with both marks, or with one twice, tells which of them is which for its column."""
+    rows = "".join(f"{k}{separator}{text}\n" for k, text in enumerate(texts))
+    (tmp_path / "run.csv").write_text(f"time{separator}a\n{rows}")
+    table = read_table(tmp_path / "run.csv")
+    assert_allclose(table["a"], numbers)
+    assert table.attrs["notes"] == ["The numbers of 'a' have separators of thousands, and were read so."]
+
+
+@pytest.mark.parametrize("texts", [["1.234,5", "2,5.1"], ["1,2", "two"], ["1,2,3", "1,2"]])
 def test_texts_that_may_mean_something_else_stay_texts(tmp_path, texts):
     (tmp_path / "run.csv").write_text("time;a\n" + "".join(f"{k};{text}\n" for k, text in enumerate(texts)))
     table = read_table(tmp_path / "run.csv")

@@ -27,7 +27,7 @@ from scipy.signal import savgol_filter
 
 from drake_tc.errors import LogError
 from drake_tc.logs.columns import RawLog, file_row
-from drake_tc.logs.names import meaning, words
+from drake_tc.logs.names import meaning, time_among, words
 from drake_tc.logs.record import MIN_ROWS
 from drake_tc.logs.rig import Rig
 from drake_tc.logs.units import TIME
@@ -552,6 +552,29 @@ def with_whole_stamps(table: pd.DataFrame) -> pd.DataFrame:
     table.insert(0, "time", seconds - first + unit * more)
     note = f"The time is that of {whole!r} and {rest!r} together, counted from the first second."
     table.attrs["notes"] = [*table.attrs.get("notes", ()), note]
+    return table
+
+
+COUNTERS = tuple(2.0**bits * unit for bits in (16, 32) for unit in (1.0, 1e-3, 1e-6))
+"""Values at which the counters of microcontrollers begin anew, as they are or in s."""
+
+
+def with_counters_unwrapped(table: pd.DataFrame) -> pd.DataFrame:
+    """The table, where a time that falls by the range of its counter, but for a few steps, goes on instead."""
+    name = time_among(map(str, table.columns))
+    if name is None or not pd.api.types.is_numeric_dtype(table[name]):
+        return table
+    time = table[name].to_numpy(np.float64, na_value=np.nan)
+    steps = np.diff(time)
+    usual = float(np.median(steps[steps > 0.0])) if np.any(steps > 0.0) else 0.0
+    for counter in COUNTERS:
+        wraps = np.abs(steps + counter) <= GAP * usual
+        if wraps.any() and np.nanmax(time) < counter and usual < 1e-2 * counter:
+            table[name] = time + counter * np.concatenate([[0.0], np.cumsum(wraps)])
+            note = (
+                f"The counter of {name!r} began anew {int(wraps.sum())} times after {counter:.10g}; the time goes on."
+            )
+            table.attrs["notes"] = [*table.attrs.get("notes", ()), note]
     return table
 
 

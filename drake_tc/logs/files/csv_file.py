@@ -13,6 +13,7 @@ import io
 import re
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import IO, NamedTuple
@@ -71,9 +72,9 @@ def _cells_of(line: str) -> list[str]:
 
 
 def _check_encoding(path: Path, beginning: bytes) -> None:
-    """Refuse UTF-16 and UTF-32, in which every second byte of plain text is zero and which spreadsheets offer."""
-    if beginning.startswith((b"\xff\xfe", b"\xfe\xff")) or b"\x00" in beginning:
-        raise LogError(f"{path}: expected text in UTF-8, got UTF-16, UTF-32 or binary data; save it as CSV in UTF-8")
+    """Refuse what has zeros among the first bytes: UTF-32, UTF-16 that does not begin with its mark, and no text."""
+    if b"\x00" in beginning:
+        raise LogError(f"{path}: expected text in UTF-8 or UTF-16, got UTF-32 or binary data; save it as CSV in UTF-8")
 
 
 def _decoded(line: bytes) -> str:
@@ -121,14 +122,23 @@ def _check_header_is_first(path: Path, opened: Callable[[], IO[bytes]]) -> None:
     )
 
 
-def _check_separator(path: Path, rows: Sequence[Sequence[str]]) -> None:
-    """Refuse cells between blanks, as `numpy.savetxt` writes them: names may have blanks too."""
-    words = [row[0].split() for row in rows[:2] if len(row) == 1]
-    if len(words) == 2 and len(words[0]) == len(words[1]) > 1 and all(map(_is_number, words[1])):
+def _with_commas(path: Path, content: bytes) -> bytes:
+    """The content with commas between its cells, where blanks alone are between numbers: as `numpy.savetxt` writes.
+
+    Raises:
+        LogError: The line above the first row of numbers has not as many words.
+    """
+    lines = content.split(b"\n", LINES_ABOVE)[:LINES_ABOVE]
+    rows = [re.split(" +", _decoded(line).strip().lstrip("#%/ ")) for line in lines]
+    first = next((i for i, row in enumerate(rows) if len(row) > 1 and all(map(_is_number, row))), None)
+    if first is None:
+        return content
+    if len(rows[max(0, first - 1)]) != len(rows[first]):
         raise LogError(
-            f"{path}: expected commas, semicolons or tabs between the cells, got blanks; numpy.savetxt writes commas"
-            " with delimiter=','"
+            f"{path}: expected commas, semicolons or tabs between the cells, got blanks, and above {len(rows[first])}"
+            f" numbers {len(rows[max(0, first - 1)])} words; write one word for each name, or commas"
         )
+    return re.sub(rb"(?m)(?<=[^\s#%/]) +(?=\S)", b",", re.sub(rb"(?m)^ +| +(?=\r?$)", b"", content))
 
 
 def _check_names_are_words(path: Path, names: Sequence[str]) -> None:
@@ -175,34 +185,54 @@ def _is_number(text: str) -> bool:
 
 
 _NUMBER = re.compile(r"\s*[+-]?(\d+(,\d*)?|,\d+)([eE][+-]?\d+)?\s*")
+MISSING = re.compile(r"[+-]?(nan(\(\w*\))?|\d\.#\w+|#?n/?a|null|none|missing|-*|\?)", re.IGNORECASE)
+"""What programs write in place of a number that they do not have."""
 
 
 def _with_decimal_points(table: pd.DataFrame, separator: str) -> pd.DataFrame:
-    """The table with numbers in place of texts such as '0,25', and a note that names their columns.
-
-    A column is read so if all of its filled cells are such numbers. Texts with points and commas ('1.234,5') stay:
-    which of the two marks thousands is not known.
-    """
-    if separator == ",":
-        return table
-    read = []
+    """The table with numbers in place of texts such as '0,25' and '1.234,5', and a note that names their columns."""
+    read: dict[str, list[str]] = {"a decimal comma": [], "separators of thousands": []}
     for name in table.columns:
         if not (pd.api.types.is_object_dtype(table[name].dtype) or pd.api.types.is_string_dtype(table[name].dtype)):
             continue
         cells = table[name].to_numpy(dtype=object)
-        filled = np.array([isinstance(cell, str) and cell.strip() != "" for cell in cells], dtype=np.bool_)
-        texts = [str(cell) for cell in cells[filled]]
         if any(not isinstance(cell, str) and not pd.isna(cell) for cell in cells):
             continue
-        if texts and any("," in text for text in texts) and all(map(_NUMBER.fullmatch, texts)):
+        filled = np.array([isinstance(cell, str) and not MISSING.fullmatch(cell.strip()) for cell in cells])
+        found = _numbers_of([str(cell) for cell in cells[filled]], separator)
+        if found is not None:
+            values, kind = found
             numbers = np.full(cells.size, np.nan)
-            numbers[filled] = [float(text.replace(",", ".")) for text in texts]
+            numbers[filled] = values
             table[name] = numbers
-            read.append(str(name))
-    if read:
-        note = f"The numbers of {', '.join(map(repr, read))} have a decimal comma, and were read so."
-        table.attrs["notes"] = [*table.attrs.get("notes", ()), note]
+            read[kind].append(str(name))
+    for kind, names in read.items():
+        if names:
+            note = f"The numbers of {', '.join(map(repr, names))} have {kind}, and were read so."
+            table.attrs["notes"] = [*table.attrs.get("notes", ()), note]
     return table
+
+
+def _numbers_of(texts: Sequence[str], separator: str) -> tuple[list[float], str] | None:
+    """The numbers of a column with commas, and what its texts have; None where they have none or do not agree.
+
+    A text with both marks tells by the last one which is the decimal sign, and one that repeats a mark that this is the
+    separator of thousands. A comma alone is a decimal sign, unless commas are between the cells.
+    """
+    if not any("," in text for text in texts):
+        return None
+    told = {"," if text.rfind(",") > text.rfind(".") else "." for text in texts if "," in text and "." in text}
+    told |= {other for text in texts for mark, other in ((",", "."), (".", ",")) if text.count(mark) > 1}
+    if len(told) > 1 or (not told and separator == ","):
+        return None
+    decimal = told.pop() if told else ","
+    thousands = "." if decimal == "," else ","
+    form = re.compile(rf"\s*[+-]?(\d+|\d{{1,3}}(\{thousands}\d{{3}})+)?(\{decimal}\d*)?(e[+-]?\d+)?\s*", re.IGNORECASE)
+    if not all(map(form.fullmatch, texts)):
+        return None
+    grouped = any(thousands in text for text in texts)
+    values = [float(text.replace(thousands, "").replace(decimal, ".")) for text in texts]
+    return values, "separators of thousands" if grouped else "a decimal comma"
 
 
 _IN_BRACKETS = re.compile(r".*[\[(]\s*([^\[\]()]+?)\s*[\])]\s*")
@@ -339,10 +369,8 @@ def _content(path: Path) -> _Content:
 
     Where the last comment above the numbers holds the names, it is the header.
     """
-    opened = _opener(path)
-    with opened() as file:
-        content = file.read()
-    _check_encoding(path, content[:4])
+    content = _text_of(path)
+    opened = partial(io.BytesIO, content)
     above = _comments_above(opened)
     below = content[sum(map(len, above)) :]
     may_be_within = any(b"\n" + mark in below for mark in COMMENT_MARKS)
@@ -413,7 +441,6 @@ def _header(path: Path, opened: Opener, separator: str) -> tuple[list[str], dict
     with opened() as file:
         rows = cells(file, separator, 3)
     names = rows[0] if rows else []
-    _check_separator(path, rows)
     _check_names_are_words(path, names)
     refuse_repeated(path, [name for name in names if name])
     return names, _stated_units(rows)
@@ -454,12 +481,13 @@ def _check_cells(path: Path, opened: Opener, separator: str, width: int) -> None
         )
 
 
-def _opener(path: Path) -> Opener:
-    """Opens the content of a file, unpacked where it is packed."""
-    if not path.name.lower().endswith(".gz"):
-        return lambda: path.open("rb")
-    content = unpacked_gzip(path)
-    return lambda: io.BytesIO(content)
+def _text_of(path: Path) -> bytes:
+    """The content of a file in UTF-8, unpacked where it is packed, with a character between the cells."""
+    content = unpacked_gzip(path) if path.name.lower().endswith(".gz") else path.read_bytes()
+    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        content = content.decode("utf-16", errors="replace").encode()
+    _check_encoding(path, content[:4])
+    return _with_commas(path, content)
 
 
 def read_csv(path: Path) -> pd.DataFrame:

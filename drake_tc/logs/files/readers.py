@@ -16,7 +16,7 @@ import pyarrow.parquet  # type: ignore[import-untyped]
 from drake_tc.config.files import check_size, is_file, is_folder, utf8_text
 from drake_tc.config.quoted import quoted
 from drake_tc.errors import LogError
-from drake_tc.logs.checks.clock import stated_period, with_times, with_whole_stamps
+from drake_tc.logs.checks.clock import stated_period, with_counters_unwrapped, with_times, with_whole_stamps
 from drake_tc.logs.files.array_files import read_array, read_arrays, read_mat
 from drake_tc.logs.files.bag import SUFFIXES, is_bag, read_bag
 from drake_tc.logs.files.csv_file import read_csv, refuse_repeated, with_texts
@@ -326,7 +326,8 @@ def read_table(path: Path | str | LogTable, needed: Collection[str] = ()) -> pd.
     names = [str(name).strip() for name in table.columns]
     refuse_repeated(where, names)
     table.columns = pd.Index(names)
-    return with_channels_apart(with_whole_stamps(with_named_vectors(with_dates(table))))
+    table = with_counters_unwrapped(with_whole_stamps(with_named_vectors(with_dates(table))))
+    return with_channels_apart(table)
 
 
 def _table_of(source: Source, needed: Collection[str]) -> pd.DataFrame:
