@@ -16,7 +16,8 @@ import pandas as pd
 from drake_tc.config.files import is_file
 from drake_tc.errors import LogError
 from drake_tc.logs.files.bag_joined import undecided_topics
-from drake_tc.logs.files.csv_file import ENDINGS, MISSING, first_line
+from drake_tc.logs.files.csv_file import ENDINGS, first_line
+from drake_tc.logs.files.table_forms import MISSING
 from drake_tc.logs.names import LINE_BELOW, meaning, stated_unit
 from drake_tc.logs.rig import Rig
 from drake_tc.logs.rig_document.declared import require_own_unit

@@ -18,7 +18,7 @@ from drake_tc.logs.files.readers import read_table
 from drake_tc.logs.names import LINE_BELOW, Meaning, meaning, with_unit, without_unit, words
 from drake_tc.logs.prepare import load_run
 from drake_tc.logs.rig import parse_rig
-from drake_tc.logs.suggestion import NAMELESS, Column, describe, suggested_rig
+from drake_tc.logs.suggestion import COUNTED, NAMELESS, Column, describe, suggested_rig
 from drake_tc.logs.suggestion import numbers as in_numbers
 from drake_tc.logs.units import allowed_units, joint_type_of_unit
 from drake_tc.types import FloatArray
@@ -116,7 +116,7 @@ def _unit_of_rate(position: FloatArray, velocity: FloatArray, time: FloatArray, 
 
 ESTIMATED = ("ext", "external", "est", "estimate", "estimated", "hat", "observer")
 """Words of a signal that was computed and not measured."""
-OBSERVED = re.compile(r"(sensor_data|observations?|states?|obs)(_\d+)?", re.IGNORECASE)
+OBSERVED = re.compile(r"((?:observation[./])?(?:sensor_data|observations?|states?|obs))(_\d+)?", re.IGNORECASE)
 """What data sets for learning call what a robot is in, beside its actions."""
 SECONDS = (("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9))
 RATES = (5.0, 20_000.0)
@@ -193,7 +193,7 @@ def inspect_log(path: Path) -> Inspection:
         for name, values in numbers.items()
     )
     columns = tuple(replace(column, why=aside.get(column.name, column.why)) for column in columns)
-    columns = _in_units_of_their_joints(columns, meanings)
+    columns = _with_one_encoder(_in_units_of_their_joints(columns, meanings))
     if time_name is not None and (time := numbers[time_name]) is not None:
         columns = _with_units_of_rates(columns, meanings, numbers, time * dict(SECONDS)[unit])
     columns = _with_gears(columns, meanings, numbers)
@@ -249,6 +249,16 @@ def _in_units_of_their_joints(columns: Sequence[Column], meanings: Mapping[str, 
             column = replace(column, unit=unit, why=why)
         out.append(column)
     return tuple(out)
+
+
+def _with_one_encoder(columns: Sequence[Column]) -> tuple[Column, ...]:
+    """The columns, where positions in counts have the encoder of the largest of them: each joint's range is a part."""
+    counted = [column for column in columns if COUNTED in column.why]
+    finest = min(counted, key=lambda column: float(column.unit), default=None)
+    return tuple(
+        replace(column, unit=finest.unit, why=finest.why) if finest and column in counted else column
+        for column in columns
+    )
 
 
 def _of_one_joint(found: Mapping[str, Meaning | None], notes: list[str]) -> dict[str, Meaning | None]:

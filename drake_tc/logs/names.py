@@ -48,7 +48,7 @@ QUANTITIES: Mapping[str, tuple[str, ...]] = MappingProxyType(
         ),
         "voltage": (
             *("voltage", "volts", "volt", "u", "motor_voltage", "v_motor", "applied_voltage", "u_motor", "spannung"),
-            *DUTY_CYCLE,
+            *("voltage_q", "q_voltage", *DUTY_CYCLE),
         ),
         "torque": (
             *(
@@ -383,6 +383,9 @@ def _meaning(name: str) -> Meaning | None:
     if not owner:
         owner, _, suffix = name.rpartition(".")
     owner, suffix = owner.strip(), suffix.strip()
+    *above, last = re.split(r"(?=[/.])", owner)
+    if _is_motion(_singular(last.strip("/.").lower())) and suffix.lower() in (*_COMMANDED, "q"):
+        owner, suffix = "".join(above), f"{last.strip('/.')}_{suffix}"  # `knee/velocity/target` is no position
     if suffix in JOINT_SUFFIXES and "/" in name:
         return _of_owner(owner, Meaning("", suffix, suffix))
     if owner and (told := _of_words(words(suffix))) is not None and told.quantity != "time":

@@ -138,3 +138,17 @@ def test_episodes_with_names_are_no_joints(tmp_path):
     episodes = [{"name": name, "actions": [0.1] * 50, "sensor_data": [0.2] * 50} for name in ("chirp", "sine")]
     table = read_table(_write(tmp_path / "a.json", {"hz": 50, "runs": episodes}))
     assert list(table.columns) == ["time", "actions", "sensor_data"] and len(table) == 100
+
+
+def test_tables_as_pandas_writes_them_and_lines_without_their_ending(tmp_path):
+    own = bench(0.1)
+    for number, form in enumerate(("columns", "index", "split", "records")):
+        path = tmp_path / f"{number}.json"
+        own.to_json(path, orient=form, double_precision=15, lines=form == "records")
+        assert_allclose(read_table(path)[list(own)], own, rtol=1e-12, atol=1e-12)
+
+
+def test_a_matrix_may_have_a_row_for_each_joint(tmp_path):
+    q = np.stack([np.arange(40.0), -np.arange(40.0)])
+    table = read_table(_write(tmp_path / "run.json", {"time": list(range(40)), "q": q.tolist()}))
+    assert_allclose(table[["q_0", "q_1"]], q.T)

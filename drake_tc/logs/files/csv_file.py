@@ -24,7 +24,7 @@ import pandas as pd
 from drake_tc.config.files import unpacked_gzip
 from drake_tc.config.quoted import quoted
 from drake_tc.errors import LogError
-from drake_tc.logs.files.table_forms import of_series
+from drake_tc.logs.files.table_forms import MISSING, of_series
 from drake_tc.logs.names import meaning
 from drake_tc.logs.units import TIME, is_known, is_unit
 
@@ -142,11 +142,13 @@ def _with_commas(path: Path, content: bytes) -> bytes:
 
 
 def _check_names_are_words(path: Path, names: Sequence[str]) -> None:
-    """Refuse a first line of numbers alone: a file without a header."""
+    """Refuse a first line of numbers alone, or with a decimal fraction: a file without a header."""
     filled = [name for name in names if name]
-    if filled and all(map(_is_number, filled)):
+    fractions = [name for name in filled if re.fullmatch(r"[+-]?\d*\.\d+(e[+-]?\d+)?", name, re.IGNORECASE)]
+    if fractions or (filled and all(map(_is_number, filled))):
+        first = quoted((fractions or filled)[0])
         raise LogError(
-            f"{path}: expected the names of the columns in line 1, got numbers ({quoted(filled[0])} first);"
+            f"{path}: expected the names of the columns in line 1, got numbers ({first} first);"
             " add a header line, such as time,<joint>/position"
         )
 
@@ -185,8 +187,6 @@ def _is_number(text: str) -> bool:
 
 
 _NUMBER = re.compile(r"\s*[+-]?(\d+(,\d*)?|,\d+)([eE][+-]?\d+)?\s*")
-MISSING = re.compile(r"[+-]?(nan(\(\w*\))?|\d\.#\w+|#?n/?a|null|none|missing|-*|\?)", re.IGNORECASE)
-"""What programs write in place of a number that they do not have."""
 
 
 def _with_decimal_points(table: pd.DataFrame, separator: str) -> pd.DataFrame:
@@ -281,7 +281,7 @@ def _with_a_line_of_axes(rows: Sequence[Sequence[str]]) -> _Pairs | None:
     named = [(names[i], names[i + 1]) for i in range(0, len(axes), 2)]
     if x in TIME and all(time and name for time, name in named):
         return None  # a name over each column: a line of units, which `_with_named_times` reads
-    channels = tuple((time or name, 2 * i, 2 * i + 1) for i, (time, name) in enumerate(named) if time or name)
+    channels = tuple((name or time, 2 * i, 2 * i + 1) for i, (time, name) in enumerate(named) if time or name)
     units = {name: below[at] for name, _, at in channels} if x in TIME else {}
     time = f"time [{x}]" if x in TIME else "time"
     return _Pairs(time, channels, 2, units) if channels else None

@@ -322,7 +322,10 @@ def read_table(path: Path | str | LogTable, needed: Collection[str] = ()) -> pd.
         source = source_of(Path(path))
         where, table = source.path, _table_of(source, needed)
     if len(table) == 0:
-        raise LogError(f"{where}: no rows; record at least a few seconds of motion")
+        told = "".join(f" ({note})" for note in table.attrs.get("notes", ()))
+        raise LogError(
+            f"{where}: no rows{told}; record at least a few seconds of motion, as columns or arrays of numbers"
+        )
     names = [str(name).strip() for name in table.columns]
     refuse_repeated(where, names)
     table.columns = pd.Index(names)
@@ -349,7 +352,10 @@ def _table_of(source: Source, needed: Collection[str]) -> pd.DataFrame:
     suffix = _suffix(path)
     if not suffix:
         ending = "".join(path.suffixes[-2:]) or "no ending"
-        raise LogError(f"{path}: unknown kind of log file ({ending}); readable: {', '.join(sorted(READERS))}")
+        raise LogError(
+            f"{path}: unknown kind of log file ({ending}); write its columns as CSV or its arrays with numpy.savez;"
+            f" readable: {', '.join(sorted(READERS))}"
+        )
     read = READERS[suffix]
     with _refused(path, suffix):
         if read is read_bag:
