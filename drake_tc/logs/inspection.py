@@ -14,6 +14,7 @@ from drake_tc.errors import DrakeTcError, LogError
 from drake_tc.logs.checks.plausible import turns_of_motor
 from drake_tc.logs.files.bag import Topic, is_bag, topics
 from drake_tc.logs.files.bag_joined import LEADERS, OTHERS
+from drake_tc.logs.files.mcap_messages import is_without_ros
 from drake_tc.logs.files.readers import read_table
 from drake_tc.logs.names import LINE_BELOW, Meaning, meaning, with_unit, without_unit, words
 from drake_tc.logs.prepare import load_run
@@ -202,7 +203,7 @@ def inspect_log(path: Path) -> Inspection:
     rig, comment = suggested_rig(columns, meanings, notes)
     notes += [f"{comment[0].upper()}{comment[1:]}"] if comment else []
     rate = 1.0 / period if period > 0 else float("nan")
-    held = topics(path) if is_bag(path) else ()
+    held = topics(path) if is_bag(path) and not is_without_ros(path) else ()
     return Inspection(path, len(table), rate, gaps, duration, columns, rig, tuple(notes), held, comment)
 
 

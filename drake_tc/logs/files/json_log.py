@@ -222,8 +222,13 @@ def _of_records(records: Sequence[Any], path: Path, joints: Sequence[str] = ()) 
     for number, record in enumerate(records, start=1):
         if not isinstance(record, dict):
             raise LogError(f"{path}: row {number} is {_kind(record)}; expected a mapping {{name: value}} a sample")
-        rows.append(dict(_values("", _by_joint(record), joints)))
+        rows.append(sample(record, joints))
     return pd.DataFrame.from_records(rows)
+
+
+def sample(record: Mapping[str, Any], joints: Sequence[str] = ()) -> dict[str, Any]:
+    """The plain values of one sample by name; `joints` name the members of vectors of their number."""
+    return dict(_values("", _by_joint(record), joints))
 
 
 def _values(prefix: str, value: Any, joints: Sequence[str]) -> Iterator[tuple[str, Any]]:

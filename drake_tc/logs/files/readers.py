@@ -31,6 +31,7 @@ from drake_tc.logs.files.episodes import (
     without_lists,
 )
 from drake_tc.logs.files.json_log import read_json, read_json_lines
+from drake_tc.logs.files.mcap_messages import is_without_ros, read_messages
 from drake_tc.logs.files.table_forms import (
     with_channels_apart,
     with_common_times,
@@ -359,7 +360,7 @@ def _table_of(source: Source, needed: Collection[str]) -> pd.DataFrame:
     read = READERS[suffix]
     with _refused(path, suffix):
         if read is read_bag:
-            return read_bag(path, needed)
+            return read_messages(path) if is_without_ros(path) else read_bag(path, needed)
         if read in OF_EPISODES and episode is not None:
             return OF_EPISODES[read](path, episode)
         return with_episodes_apart(read(path), source)
