@@ -194,7 +194,7 @@ def inspect_log(path: Path) -> Inspection:
         for name, values in numbers.items()
     )
     columns = tuple(replace(column, why=aside.get(column.name, column.why)) for column in columns)
-    columns = _with_one_encoder(_in_units_of_their_joints(columns, meanings))
+    columns = _with_common_units(_in_units_of_their_joints(columns, meanings), meanings, notes)
     if time_name is not None and (time := numbers[time_name]) is not None:
         columns = _with_units_of_rates(columns, meanings, numbers, time * dict(SECONDS)[unit])
     columns = _with_gears(columns, meanings, numbers)
@@ -252,14 +252,32 @@ def _in_units_of_their_joints(columns: Sequence[Column], meanings: Mapping[str, 
     return tuple(out)
 
 
-def _with_one_encoder(columns: Sequence[Column]) -> tuple[Column, ...]:
-    """The columns, where positions in counts have the encoder of the largest of them: each joint's range is a part."""
-    counted = [column for column in columns if COUNTED in column.why]
-    finest = min(counted, key=lambda column: float(column.unit), default=None)
-    return tuple(
-        replace(column, unit=finest.unit, why=finest.why) if finest and column in counted else column
-        for column in columns
-    )
+SHOWN = 6
+"""Names in one note."""
+LARGER = {"deg": "rad", "mA": "A"}
+"""Units that large values tell, and those in which small values of the same kind could be."""
+
+
+def _with_common_units(
+    columns: Sequence[Column], meanings: Mapping[str, Meaning], notes: list[str]
+) -> tuple[Column, ...]:
+    """The columns, where guessed units of the joints agree: a joint that moves little has the unit of most others.
+
+    Positions in counts have the encoder of the largest of them: each joint's range is a part of a turn.
+    """
+    guessed = [c for c in columns if c.name in meanings and not meanings[c.name].unit and "/" in c.canonical]
+    counted = sorted((c for c in guessed if COUNTED in c.why), key=lambda column: float(column.unit))
+    changed = {each.name: replace(each, unit=counted[0].unit, why=counted[0].why) for each in counted}
+    for larger, smaller in LARGER.items():
+        told, others = ([each for each in guessed if each.unit == unit] for unit in (larger, smaller))
+        if told and len(told) > len(others):
+            changed |= {each.name: replace(each, unit=larger, why=f"in {larger}, as most joints") for each in others}
+        elif told and others:
+            here, there = (", ".join(repr(each.name) for each in own[:SHOWN]) for own in (told, others))
+            notes.append(
+                f"{here} are taken to be in {larger} and {there} in {smaller}: state the units under `units:`."
+            )
+    return tuple(changed.get(column.name, column) for column in columns)
 
 
 def _of_one_joint(found: Mapping[str, Meaning | None], notes: list[str]) -> dict[str, Meaning | None]:

@@ -148,6 +148,16 @@ def test_counts_of_an_encoder(tmp_path):
     assert any("The counts per turn of 'q_meas', 'q_ref' are a guess" in note for note in found.notes)
 
 
+@pytest.mark.parametrize(("moving", "units"), [("ab", ["deg"] * 6), ("a", ["deg"] * 2)])
+def test_a_joint_that_moves_little_has_the_unit_of_most_others_or_a_note(tmp_path, moving, units):
+    t = np.arange(300) / 100.0
+    reach = {joint: 80.0 if joint in moving else 4.0 for joint in "abc"}
+    columns = {f"{joint}_{name}": size * np.sin(t) for joint, size in reach.items() for name in GOALS}
+    found = inspected(tmp_path, {"time": t, **columns})
+    assert list(found.rig["units"].values()) == units
+    assert any("state the units under" in note for note in found.notes) == (moving == "a")
+
+
 GOALS = ("present_position", "goal_position")
 
 

@@ -77,7 +77,7 @@ def test_a_run_from_json_is_the_run_from_csv(tmp_path):
     ("name", "text", "said"),
     [
         ("cut.json", '{"time": [0, 1],\n "q": [1, ', "not valid JSON at line 2, column 11"),
-        ("cut.jsonl", '{"time": 0}\n{"time": 1', "not valid JSON at line 2"),
+        ("cut.jsonl", '{"time": 0}\n{"time": 1\n{"time": 2}', "not valid JSON at line 2"),
         ("text.json", '"hello"', "expected a mapping of columns {name: [values]}, or a list of records"),
         ("scalars.json", '{"mass": 1, "length": 2}', "got a mapping without a list: mass, length"),
         ("numbers.json", "[1, 2, 3]", "row 1 is the value 1; expected a mapping"),
@@ -152,3 +152,10 @@ def test_a_matrix_may_have_a_row_for_each_joint(tmp_path):
     q = np.stack([np.arange(40.0), -np.arange(40.0)])
     table = read_table(_write(tmp_path / "run.json", {"time": list(range(40)), "q": q.tolist()}))
     assert_allclose(table[["q_0", "q_1"]], q.T)
+
+
+def test_a_last_line_that_is_cut_off_is_left_out(tmp_path):
+    bench(0.1).to_json(tmp_path / "run.jsonl", orient="records", lines=True)
+    (tmp_path / "run.jsonl").write_text((tmp_path / "run.jsonl").read_text()[:-9])
+    table = read_table(tmp_path / "run.jsonl")
+    assert len(table) == len(bench(0.1)) - 1 and table.attrs["notes"] == ["The last line is cut off and was left out."]

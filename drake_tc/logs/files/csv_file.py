@@ -26,7 +26,7 @@ from drake_tc.config.quoted import quoted
 from drake_tc.errors import LogError
 from drake_tc.logs.files.table_forms import MISSING, of_series
 from drake_tc.logs.names import meaning
-from drake_tc.logs.units import TIME, is_known, is_unit
+from drake_tc.logs.units import is_known, is_unit, unit_named
 
 LONGEST_LINE = 2**24
 """Of the first lines of a CSV file [bytes]."""
@@ -274,17 +274,23 @@ def _with_a_line_of_axes(rows: Sequence[Sequence[str]]) -> _Pairs | None:
         below.pop()
     axes = [cell.lower() for cell in below]
     x, others = axes[0] if axes else "", set(axes[1::2])
-    of_times = (x in X_NAMES and len(others) == 1) or (x in TIME and not others & {*TIME, ""})
+    of_times = (x in X_NAMES and len(others) == 1) or (
+        _is_time_unit(x) and all(each and not _is_time_unit(each) for each in others)
+    )
     if len(axes) < 2 or len(axes) % 2 or set(axes[::2]) != {x} or x in others or not of_times:
         return None
     names = [*rows[0], *[""] * (len(axes) - len(rows[0]))]
     named = [(names[i], names[i + 1]) for i in range(0, len(axes), 2)]
-    if x in TIME and all(time and name for time, name in named):
+    if _is_time_unit(x) and all(time and name for time, name in named):
         return None  # a name over each column: a line of units, which `_with_named_times` reads
     channels = tuple((name or time, 2 * i, 2 * i + 1) for i, (time, name) in enumerate(named) if time or name)
-    units = {name: below[at] for name, _, at in channels} if x in TIME else {}
-    time = f"time [{x}]" if x in TIME else "time"
+    units = {name: below[at] for name, _, at in channels} if _is_time_unit(x) else {}
+    time = f"time [{x}]" if _is_time_unit(x) else "time"
     return _Pairs(time, channels, 2, units) if channels else None
+
+
+def _is_time_unit(text: str) -> bool:
+    return bool(unit_named(text, "time"))
 
 
 def _with_named_times(rows: Sequence[Sequence[str]]) -> _Pairs | None:
@@ -296,9 +302,9 @@ def _with_named_times(rows: Sequence[Sequence[str]]) -> _Pairs | None:
     stated = [_IN_BRACKETS.fullmatch(name) for name in names]
     told = [found[1] if found else units.get(name, "") for name, found in zip(names, stated, strict=True)]
     times, others = told[::2], told[1::2]
-    if len(names) < 4 or len(names) % 2 or len(set(times)) != 1 or times[0].lower() not in TIME:
+    if len(names) < 4 or len(names) % 2 or len(set(times)) != 1 or not _is_time_unit(times[0]):
         return None
-    if any(each.lower() in TIME for each in others) or not all(names):
+    if any(map(_is_time_unit, others)) or not all(names):
         return None
     lines = 2 if units else 1
     data = [row[: len(names) : 2] for row in rows[lines:] if len(row) >= len(names)]
@@ -401,17 +407,17 @@ def _without_preamble(content: _Content) -> _Content:
 
 
 def _units_above(skipped: Sequence[str], names: Sequence[str]) -> dict[str, str]:
-    """By column, the units that comments and lines above the names state: one a column, or `tau: mNm` of one alone."""
-    found = {}
+    """By column, the units that comments and lines above the names state: one a column, or `tau: mNm` and `q [deg]`."""
+    found: dict[str, str] = {}
+    known = "|".join(map(re.escape, sorted(filter(None, names), key=len, reverse=True)))
+    of_one = re.compile(rf"(?<![\w/.])({known})\s*(?::|=|\bin\b|[\[(])\s*([^,;:\[\]()]+?)\s*(?=[,;\])]|$)")
     for line in skipped:
         text = re.sub(r"^(#|%|//|;)*\s*(units?\s*[:=])?\s*", "", line, flags=re.IGNORECASE)
         units = [cell.strip().strip("[]()") for cell in re.split("[,;\t]", text)]
         filled = [unit for unit in units if unit]
         if len(units) == len(names) and 2 * sum(is_unit(each) or is_known(each) for each in filled) > len(filled) > 1:
             return dict(zip(names, units, strict=True))
-        name, _, unit = re.sub(r"\s*(:|=|\bin\b|\[)\s*", "\0", text, count=1).partition("\0")
-        if name in names and (is_unit(unit.rstrip("] ")) or is_known(unit.rstrip("] "))):
-            found[name] = unit.rstrip("] ")
+        found |= {name: unit for name, unit in of_one.findall(text) if is_unit(unit) or is_known(unit)}
     return found
 
 

@@ -166,12 +166,17 @@ def _of_episodes(records: Sequence[dict[str, Any]], period: float | None, source
 
 
 def read_json_lines(path: Path) -> pd.DataFrame:
-    """A table of a .jsonl file: one record a line; empty lines are skipped.
+    """A table of a .jsonl file: one record a line; empty lines are skipped, and a last one that is cut off.
 
     Raises:
         LogError: A line that is not a JSON mapping: names the line.
     """
-    return _of_records(_lines(_text(path), path), path)
+    text = _text(path).rstrip()
+    whole, _, last = text.rpartition("\n")
+    cut = bool(whole) and last.startswith("{") and not last.endswith("}")
+    table = _of_records(_lines(whole if cut else text, path), path)
+    table.attrs["notes"] = ["The last line is cut off and was left out."] if cut else []
+    return table
 
 
 def _lines(text: str, path: Path) -> list[Any]:
