@@ -217,7 +217,8 @@ def _dates_as_time(table: pd.DataFrame, found: Mapping[str, Meaning | None]) -> 
 def _observed_beside_actions(found: Mapping[str, Meaning | None], notes: list[str]) -> dict[str, Meaning]:
     """`sensor_data` and the like as the position, where a log has no position and as many `actions`.
 
-    Data sets for learning that have one vector of each mean the positions and their commands, as LeRobot's have.
+    Data sets for learning that have one vector of each mean the positions and their commands, as LeRobot's have. So do
+    columns `hip` beside `hip_target`, called like the joints alone.
     """
     commands = {told.joint for told in found.values() if told is not None and told.quantity == "position_command"}
     if any(told is not None and told.quantity == "position" for told in found.values()):
@@ -228,9 +229,11 @@ def _observed_beside_actions(found: Mapping[str, Meaning | None], notes: list[st
         for name, match in told.items()
         if match
     }
+    own = {name: "_".join(words(name)) for name, each in found.items() if each is None}
+    positions |= {name: Meaning(joint, "position", name) for name, joint in own.items() if joint and joint in commands}
     if not positions or {each.joint for each in positions.values()} != commands:
         return {}
-    notes.append(f"The positions are assumed to be {', '.join(map(repr, positions))}, as many as there are actions.")
+    notes.append(f"The positions are assumed to be {', '.join(map(repr, positions))}, as many as there are commands.")
     return positions
 
 

@@ -145,6 +145,7 @@ _BASE = {command: quantity for quantity, command in COMMANDS.items() if command 
 _COMMANDED = (
     *("cmd", "command", "commanded", "des", "desired", "ref", "reference", "target", "tgt", "goal", "setpoint"),
     *("set", "soll", "requested", "request", "demand", "dmd", "action", "control", "traj"),
+    "trajectory",
 )
 """Words that turn a quantity into its command, as in `tau_command` and `posDes`."""
 _MEASURED = (
@@ -156,7 +157,7 @@ _NOISE = (
     *("field", "wert", "dof"),
 )
 """Words that name neither a joint nor a quantity, where others do."""
-_ROLES = ("state", "states", "data", "sensor", "sensors", "observation", "obs", "joints", "controller")
+_ROLES = ("dynamic", "state", "states", "data", "sensor", "sensors", "observation", "obs", "joints", "controller")
 """Words of what holds the joints, which name none."""
 _DERIVED = ("error", "errors", "err", "diff", "delta", "residual", "predicted", "expected")
 """Words of what is made from signals of a joint."""
@@ -180,9 +181,9 @@ _BEHIND_A_SLASH = re.compile(r"(.+?)\s*/\s*\(?([^\s/()]+(?:/[^\s/()]+)?)\)?\s*")
 _APART = r"(?:[\s_.\-]+|(?-i:(?<=[a-z])(?=[A-Z])))"
 _AT_THE_END = re.compile(rf"(.+?){_APART}({spelled_in_names()})", re.IGNORECASE)
 """A unit after a separator or in camel case: the name before it, and the unit."""
-_BEHIND = r"[\s_]*(?:[\[(]?(\d+)[\])]?|[\s_.\-]"
-_IN_BRACKETS_BEFORE = re.compile(r"(.+?)[\s_]*[\[(]\s*([^\[\]()]+?)\s*[\])]" + _BEHIND + r"*(\w.*))")
-_BEFORE = re.compile(rf"(?:(.+?){_APART})?({spelled_in_names()}){_BEHIND}+(\w.*))", re.IGNORECASE)
+_BEHIND = r"(?:[\s_]*[\[(]?(\d+)[\])]?|"
+_IN_BRACKETS_BEFORE = re.compile(rf"(.+?)[\s_]*[\[(]\s*([^\[\]()]+?)\s*[\])]{_BEHIND}[\s_.\-]*(\w.*))")
+_BEFORE = re.compile(rf"(?:(.+?){_APART})?({spelled_in_names()}){_BEHIND}{_APART}(\w.*))", re.IGNORECASE)
 """A unit before a number or other words, `tau_mNm_0`, `pos [deg] knee` and `deg_pos`."""
 _PARTS_OF_NAMES = ("lb", "n", "rev", "turn")
 """Units that are no units before other words: `lb_hip_torque` is of a leg on the left."""
@@ -404,7 +405,7 @@ def _of_owner(owner: str, told: Meaning) -> Meaning | None:
     member of the owner's vector: `left/position_2` is of the joint `left_2`.
     """
     parts = [part for part in re.split(r"[/.]", owner) if part]
-    said = [word.lower() for part in parts for word in _owner_words(part)]
+    said = [_singular(word.lower()) for part in parts for word in _owner_words(part)]
     if any(word in _DERIVED for word in said):
         return None
     measured = any(word.lower() in _MEASURED for word in words(told.by))
@@ -420,7 +421,8 @@ def _of_owner(owner: str, told: Meaning) -> Meaning | None:
 def _without_roles(owner: str) -> str:
     """`motor_3` of `motor_cmd[3]` and of `motor_state[3]`, nothing of `goal_position`; other owners as they are."""
     parts = _owner_words(owner)
-    kept = [word for word in parts if word.lower() not in (*_COMMANDED, *_MEASURED, *_ROLES)]
+    roles = {*_COMMANDED, *_MEASURED, *_ROLES}
+    kept = [word for word in parts if roles.isdisjoint((word.lower(), _singular(word.lower())))]
     if kept == parts:
         return owner
     return _joint([word for word in kept if word.lower() not in _NOISE and _singular(word.lower()) not in COMMANDS])
@@ -434,9 +436,9 @@ def _owner_words(owner: str) -> list[str]:
 def _of_words(said: Sequence[str]) -> Meaning | None:
     """What the words of a name seem to mean."""
     said = [word for word, after in pairwise([*said, ""]) if not (word.lower() == "id" and after.isdigit())]
-    parts = [each for part in said for each in _split(part)]
+    parts = [each for at, part in enumerate(said) for each in _split(part, said[:at])]
     lower = [_singular(part.lower()) for part in parts]
-    if any(word in _NO_JOINT for word in lower) or _is_other(lower):
+    if any(word.rstrip("0123456789") in _NO_JOINT for word in lower) or _is_other(lower):
         return None
     span = _longest(lower, _BY_WORDS)
     if span is None:
@@ -484,11 +486,16 @@ def _longest(lower: Sequence[str], known: Collection[str]) -> tuple[int, int] | 
     return best
 
 
-def _split(part: str) -> list[str]:
-    """`q1` -> q, 1 where `q` is called like a quantity; `qdes` -> q, des and `actpos` -> act, pos; `joint1` stays."""
+def _split(part: str, before: Sequence[str] = ()) -> list[str]:
+    """`q1` -> q, 1 where `q` is called like a quantity, and `d1` -> d, 1 behind `q`, as `q_d` is called like one.
+
+    So is a word of a role behind a quantity, `pos_des1`. `qdes` -> q, des and `actpos` -> act, pos; `joint1` stays.
+    """
     if found := re.fullmatch(r"([A-Za-z]+)(\d+)", part):
-        name = _split(found[1])
-        return [*name, found[2]] if len(name) > 1 or _singular(found[1].lower()) in _BY_WORDS else [part]
+        name, last = _split(found[1]), _singular(found[1].lower())
+        told = any("_".join([*before[at:], last]).lower() in _BY_WORDS for at in range(len(before) + 1))
+        told |= last in (*_COMMANDED, *_MEASURED) and any(word.lower() in _BY_WORDS for word in before)
+        return [*name, found[2]] if len(name) > 1 or told else [part]
     lower = _singular(part.lower())
     if lower in _KNOWN:
         return [part]

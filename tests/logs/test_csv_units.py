@@ -72,6 +72,14 @@ def test_units_as_spreadsheets_and_data_sheets_write_them(name, quantity, unit):
         ("/controller_state/actual/positions.3", "joint_3", "position"),
         ("/arm_controller/controller_state/desired/positions[3]", "arm_3", "position_command"),
         ("hip/dof_pos", "hip", "position"),
+        ("q_d3", "joint_3", "position_command"),
+        ("pos_des3", "joint_3", "position_command"),
+        ("vel_meas3", "joint_3", "velocity"),
+        ("tau_J3", "joint_3", "torque"),
+        ("tau_J_d3", "joint_3", "torque_command"),
+        ("/joint_commands/hip/position", "hip", "position_command"),
+        ("/joint_trajectory/hip/position", "hip", "position_command"),
+        ("/dynamic_joint_states/hip/position", "hip", "position"),
         ("/knee/velocity/target", "knee", "velocity_command"),
         ("torque.setpoint", "", "torque_command"),
         ("voltage.q", "", "voltage"),
@@ -108,6 +116,7 @@ def test_names_of_public_logs(name, joint, quantity):
         ("vel_rad_s_knee", "velocity", "rad/s"),
         ("knee_pos_deg_cmd", "position_command", "deg"),
         ("kneePosDeg", "position", "deg"),
+        ("kneePosDegCmd", "position_command", "deg"),
     ],
 )
 def test_units_between_other_words(name, quantity, unit):

@@ -158,6 +158,13 @@ def test_a_joint_that_moves_little_has_the_unit_of_most_others_or_a_note(tmp_pat
     assert any("state the units under" in note for note in found.notes) == (moving == "a")
 
 
+def test_columns_called_like_the_joints_are_positions_beside_their_commands(tmp_path):
+    t = np.arange(300) / 100.0
+    own = {f"{joint}{name}": np.sin(t + at) for joint in ("hip", "J2") for at, name in enumerate(("", "_target"))}
+    found = inspected(tmp_path, {"time": t, **own})
+    assert found.rig["joints"] == ["hip", "J2"] and found.rig["columns"]["J2/position"] == "J2"
+
+
 GOALS = ("present_position", "goal_position")
 
 
