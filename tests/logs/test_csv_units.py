@@ -225,6 +225,11 @@ def test_cells_between_blanks(tmp_path, layout):
     assert_allclose(read_table(tmp_path / "run.txt")[["t", "q", "tau"]], own, rtol=0, atol=1e-6)
 
 
+def test_numbers_between_blanks_above_commas_are_a_line_above_the_names(tmp_path):
+    (tmp_path / "run.csv").write_text("12 7\n\n" + bench().to_csv(index=False))
+    assert list(read_table(tmp_path / "run.csv").columns) == list(bench().columns)
+
+
 def test_blanks_in_names_between_blanks_are_refused_with_what_to_do(tmp_path):
     np.savetxt(tmp_path / "run.txt", bench().to_numpy()[:, :3], header="t (s) q tau")
     with pytest.raises(LogError, match="got blanks, and above 3 numbers 4 words; write one word for each name, or"):

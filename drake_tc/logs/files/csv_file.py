@@ -131,7 +131,7 @@ def _with_commas(path: Path, content: bytes) -> bytes:
     lines = content.split(b"\n", LINES_ABOVE)[:LINES_ABOVE]
     rows = [re.split(" +", _decoded(line).strip().lstrip("#%/ ")) for line in lines]
     first = next((i for i, row in enumerate(rows) if len(row) > 1 and all(map(_is_number, row))), None)
-    if first is None:
+    if first is None or re.search(rb"[,;\t]", b"\n".join(lines[first:])):
         return content
     if len(rows[max(0, first - 1)]) != len(rows[first]):
         raise LogError(
