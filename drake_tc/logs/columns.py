@@ -17,6 +17,7 @@ from drake_tc.config.files import is_file
 from drake_tc.errors import LogError
 from drake_tc.logs.files.bag_joined import undecided_topics
 from drake_tc.logs.files.csv_file import ENDINGS, first_line
+from drake_tc.logs.files.table_forms import MISSING
 from drake_tc.logs.names import LINE_BELOW, meaning, stated_unit
 from drake_tc.logs.rig import Rig
 from drake_tc.logs.rig_document.declared import require_own_unit
@@ -230,7 +231,7 @@ def _numeric(table: pd.DataFrame, name: str, canonical: str, path: Path) -> Floa
     else:
         text = series.astype("string").str.strip()
         parsed = pd.to_numeric(text, errors="coerce")
-        missing = text.isna() | text.str.lower().isin(["", "nan", "na", "null", "none", "-"])
+        missing = text.isna() | text.str.fullmatch(MISSING)
         bad = np.flatnonzero((parsed.isna() & ~missing.fillna(True)).to_numpy(dtype=bool))
         if bad.size:
             shown = str(text.iloc[int(bad[0])])[:40]

@@ -14,11 +14,12 @@ from drake_tc.errors import DrakeTcError, LogError
 from drake_tc.logs.checks.plausible import turns_of_motor
 from drake_tc.logs.files.bag import Topic, is_bag, topics
 from drake_tc.logs.files.bag_joined import LEADERS, OTHERS
+from drake_tc.logs.files.mcap_messages import is_without_ros
 from drake_tc.logs.files.readers import read_table
 from drake_tc.logs.names import LINE_BELOW, Meaning, meaning, with_unit, without_unit, words
 from drake_tc.logs.prepare import load_run
 from drake_tc.logs.rig import parse_rig
-from drake_tc.logs.suggestion import NAMELESS, Column, describe, suggested_rig
+from drake_tc.logs.suggestion import COUNTED, NAMELESS, Column, describe, suggested_rig
 from drake_tc.logs.suggestion import numbers as in_numbers
 from drake_tc.logs.units import allowed_units, joint_type_of_unit
 from drake_tc.types import FloatArray
@@ -116,7 +117,7 @@ def _unit_of_rate(position: FloatArray, velocity: FloatArray, time: FloatArray, 
 
 ESTIMATED = ("ext", "external", "est", "estimate", "estimated", "hat", "observer")
 """Words of a signal that was computed and not measured."""
-OBSERVED = re.compile(r"(sensor_data|observations?|states?|obs)(_\d+)?", re.IGNORECASE)
+OBSERVED = re.compile(r"((?:observation[./])?(?:sensor_data|observations?|states?|obs))(_\d+)?", re.IGNORECASE)
 """What data sets for learning call what a robot is in, beside its actions."""
 SECONDS = (("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9))
 RATES = (5.0, 20_000.0)
@@ -193,7 +194,7 @@ def inspect_log(path: Path) -> Inspection:
         for name, values in numbers.items()
     )
     columns = tuple(replace(column, why=aside.get(column.name, column.why)) for column in columns)
-    columns = _in_units_of_their_joints(columns, meanings)
+    columns = _with_common_units(_in_units_of_their_joints(columns, meanings), meanings, notes)
     if time_name is not None and (time := numbers[time_name]) is not None:
         columns = _with_units_of_rates(columns, meanings, numbers, time * dict(SECONDS)[unit])
     columns = _with_gears(columns, meanings, numbers)
@@ -202,7 +203,7 @@ def inspect_log(path: Path) -> Inspection:
     rig, comment = suggested_rig(columns, meanings, notes)
     notes += [f"{comment[0].upper()}{comment[1:]}"] if comment else []
     rate = 1.0 / period if period > 0 else float("nan")
-    held = topics(path) if is_bag(path) else ()
+    held = topics(path) if is_bag(path) and not is_without_ros(path) else ()
     return Inspection(path, len(table), rate, gaps, duration, columns, rig, tuple(notes), held, comment)
 
 
@@ -216,7 +217,8 @@ def _dates_as_time(table: pd.DataFrame, found: Mapping[str, Meaning | None]) -> 
 def _observed_beside_actions(found: Mapping[str, Meaning | None], notes: list[str]) -> dict[str, Meaning]:
     """`sensor_data` and the like as the position, where a log has no position and as many `actions`.
 
-    Data sets for learning that have one vector of each mean the positions and their commands, as LeRobot's have.
+    Data sets for learning that have one vector of each mean the positions and their commands, as LeRobot's have. So do
+    columns `hip` beside `hip_target`, called like the joints alone.
     """
     commands = {told.joint for told in found.values() if told is not None and told.quantity == "position_command"}
     if any(told is not None and told.quantity == "position" for told in found.values()):
@@ -227,9 +229,11 @@ def _observed_beside_actions(found: Mapping[str, Meaning | None], notes: list[st
         for name, match in told.items()
         if match
     }
+    own = {name: "_".join(words(name)) for name, each in found.items() if each is None}
+    positions |= {name: Meaning(joint, "position", name) for name, joint in own.items() if joint and joint in commands}
     if not positions or {each.joint for each in positions.values()} != commands:
         return {}
-    notes.append(f"The positions are assumed to be {', '.join(map(repr, positions))}, as many as there are actions.")
+    notes.append(f"The positions are assumed to be {', '.join(map(repr, positions))}, as many as there are commands.")
     return positions
 
 
@@ -249,6 +253,34 @@ def _in_units_of_their_joints(columns: Sequence[Column], meanings: Mapping[str, 
             column = replace(column, unit=unit, why=why)
         out.append(column)
     return tuple(out)
+
+
+SHOWN = 6
+"""Names in one note."""
+LARGER = {"deg": "rad", "mA": "A"}
+"""Units that large values tell, and those in which small values of the same kind could be."""
+
+
+def _with_common_units(
+    columns: Sequence[Column], meanings: Mapping[str, Meaning], notes: list[str]
+) -> tuple[Column, ...]:
+    """The columns, where guessed units of the joints agree: a joint that moves little has the unit of most others.
+
+    Positions in counts have the encoder of the largest of them: each joint's range is a part of a turn.
+    """
+    guessed = [c for c in columns if c.name in meanings and not meanings[c.name].unit and "/" in c.canonical]
+    counted = sorted((c for c in guessed if COUNTED in c.why), key=lambda column: float(column.unit))
+    changed = {each.name: replace(each, unit=counted[0].unit, why=counted[0].why) for each in counted}
+    for larger, smaller in LARGER.items():
+        told, others = ([each for each in guessed if each.unit == unit] for unit in (larger, smaller))
+        if told and len(told) > len(others):
+            changed |= {each.name: replace(each, unit=larger, why=f"in {larger}, as most joints") for each in others}
+        elif told and others:
+            here, there = (", ".join(repr(each.name) for each in own[:SHOWN]) for own in (told, others))
+            notes.append(
+                f"{here} are taken to be in {larger} and {there} in {smaller}: state the units under `units:`."
+            )
+    return tuple(changed.get(column.name, column) for column in columns)
 
 
 def _of_one_joint(found: Mapping[str, Meaning | None], notes: list[str]) -> dict[str, Meaning | None]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 from types import MappingProxyType
 
-from drake_tc.logs.units import JOINT_SUFFIXES, SENSOR_SUFFIXES, TIME, at_the_end, is_known, is_unit, unit_named
+from drake_tc.logs.units import JOINT_SUFFIXES, SENSOR_SUFFIXES, is_known, is_unit, spelled_in_names, unit_named
 
 DUTY_CYCLE = ("duty", "duty_cycle", "pwm", "pwm_duty")
 """Names of a voltage that is stated as a share of the supply voltage."""
@@ -48,7 +48,7 @@ QUANTITIES: Mapping[str, tuple[str, ...]] = MappingProxyType(
         ),
         "voltage": (
             *("voltage", "volts", "volt", "u", "motor_voltage", "v_motor", "applied_voltage", "u_motor", "spannung"),
-            *DUTY_CYCLE,
+            *("voltage_q", "q_voltage", *DUTY_CYCLE),
         ),
         "torque": (
             *(
@@ -121,7 +121,7 @@ QUANTITIES: Mapping[str, tuple[str, ...]] = MappingProxyType(
         ),
         "time": (
             *("time", "t", "timestamp", "stamp", "time_s", "secs", "seconds", "time_ms", "t_s", "time_stamp", "ts"),
-            *("zeit", "tout", "micros", "millis"),
+            *("zeit", "tout", "micros", "millis", "elapsed", "elapsed_time"),
         ),
     }
 )
@@ -145,6 +145,7 @@ _BASE = {command: quantity for quantity, command in COMMANDS.items() if command 
 _COMMANDED = (
     *("cmd", "command", "commanded", "des", "desired", "ref", "reference", "target", "tgt", "goal", "setpoint"),
     *("set", "soll", "requested", "request", "demand", "dmd", "action", "control", "traj"),
+    "trajectory",
 )
 """Words that turn a quantity into its command, as in `tau_command` and `posDes`."""
 _MEASURED = (
@@ -153,10 +154,10 @@ _MEASURED = (
 """Words that say only that a quantity was measured or observed, as in `torAct`."""
 _NOISE = (
     *("joint", "joints", "state", "states", "data", "observation", "obs", "value", "link", "ticks", "counts", "raw"),
-    *("field", "wert"),
+    *("field", "wert", "dof"),
 )
 """Words that name neither a joint nor a quantity, where others do."""
-_ROLES = ("state", "states", "data", "sensor", "sensors", "observation", "obs", "joints", "controller")
+_ROLES = ("dynamic", "state", "states", "data", "sensor", "sensors", "observation", "obs", "joints", "controller")
 """Words of what holds the joints, which name none."""
 _DERIVED = ("error", "errors", "err", "diff", "delta", "residual", "predicted", "expected")
 """Words of what is made from signals of a joint."""
@@ -175,11 +176,17 @@ _NO_MOTOR = ("bus", "battery", "batt", "supply", "phase", "board", "cpu", "mcu",
 _BY_UNIT = ("current", "voltage", "torque", "velocity", "position", "temperature")
 """Quantities that a unit may tell where the name does not, or tells another one."""
 _IN_BRACKETS = re.compile(r"(.+?)[\s_]*([\[(])\s*([^\[\]()]+?)\s*[\])]\s*")
-_BEHIND_A_SLASH = re.compile(r"(.+?)\s+/\s+(\S+)\s*")
+_BEHIND_A_SLASH = re.compile(r"(.+?)\s*/\s*\(?([^\s/()]+(?:/[^\s/()]+)?)\)?\s*")
 """A unit as ISO 80000 writes it, `I / A`."""
-_AT_THE_END = at_the_end()
-_IN_BRACKETS_BEFORE_A_NUMBER = re.compile(r"(.+?)[\s_]*[\[(]\s*([^\[\]()]+?)\s*[\])][\s_]*[\[(]?(\d+)[\])]?")
-_BEFORE_A_NUMBER = re.compile(rf"{_AT_THE_END.pattern}[\s_]*[\[(]?(\d+)[\])]?", re.IGNORECASE)
+_APART = r"(?:[\s_.\-]+|(?-i:(?<=[a-z])(?=[A-Z])))"
+_AT_THE_END = re.compile(rf"(.+?){_APART}({spelled_in_names()})", re.IGNORECASE)
+"""A unit after a separator or in camel case: the name before it, and the unit."""
+_BEHIND = r"(?:[\s_]*[\[(]?(\d+)[\])]?|"
+_IN_BRACKETS_BEFORE = re.compile(rf"(.+?)[\s_]*[\[(]\s*([^\[\]()]+?)\s*[\])]{_BEHIND}[\s_.\-]*(\w.*))")
+_BEFORE = re.compile(rf"(?:(.+?){_APART})?({spelled_in_names()}){_BEHIND}{_APART}(\w.*))", re.IGNORECASE)
+"""A unit before a number or other words, `tau_mNm_0`, `pos [deg] knee` and `deg_pos`."""
+_PARTS_OF_NAMES = ("lb", "n", "rev", "turn")
+"""Units that are no units before other words: `lb_hip_torque` is of a leg on the left."""
 _GREEK = str.maketrans({"φ": "phi", "ϕ": "phi", "θ": "theta", "ϑ": "theta", "ω": "omega", "τ": "tau"})
 _GERMAN = re.compile(r"(?<![a-z])(?:soll|ist)(?=[a-z]{4})|(?<=[a-z]{3})(?:soll|ist)(?=wert)", re.IGNORECASE)
 """In a compound such as `Sollposition` or `Lageistwert`."""
@@ -248,8 +255,8 @@ def meaning(name: str) -> Meaning | None:
             return by_unit
     told = _meaning(name)
     last = words(name)[-1:]
-    if told is not None and told.quantity == "time" and last and len(words(name)) > 1 and last[0].lower() in TIME:
-        return replace(told, unit=last[0].lower())
+    if told is not None and told.quantity == "time" and last and len(words(name)) > 1:
+        return replace(told, unit=unit_named(last[0], "time"))
     return told
 
 
@@ -271,16 +278,22 @@ def member(name: str, number: int, size: int, joints: Sequence[str]) -> str:
 
 
 def _with_brackets(name: str) -> str:
-    """The name with a unit behind a slash, `I / A`, or before a number, `tau_mNm_0`, in brackets."""
-    for form in (_IN_BRACKETS_BEFORE_A_NUMBER, _BEFORE_A_NUMBER):
+    """The name with a unit behind a slash, `I / A`, or before a number or other words, in brackets."""
+    for form in (_IN_BRACKETS_BEFORE, _BEFORE):
         if (found := form.fullmatch(name)) and is_known(found[2]):
-            return f"{found[1]}_{found[3]} [{found[2]}]"
+            rest = "_".join(filter(None, (found[1], found[3] or found[4])))
+            if (found[1] and found[3]) or (_is_of(rest, found[2]) and found[2].lower() not in _PARTS_OF_NAMES):
+                return f"{rest} [{found[2]}]"
     found = _BEHIND_A_SLASH.fullmatch(name)
-    if found is None:
-        return name
-    told = _meaning(found[1])
-    of_quantity = told is not None and bool(_unit(found[2], told.quantity))
-    return f"{found[1]} [{found[2]}]" if of_quantity or is_unit(found[2]) else name
+    if found and (_is_of(found[1], found[2]) or (" /" in name and is_unit(found[2]))):
+        return f"{found[1]} [{found[2]}]"
+    return name
+
+
+def _is_of(name: str, unit: str) -> bool:
+    """Whether a name without a unit tells a quantity that a text is the unit of."""
+    told = _meaning(name)
+    return told is not None and bool(_unit(unit, told.quantity))
 
 
 def _unit(text: str, quantity: str) -> str:
@@ -371,10 +384,16 @@ def _meaning(name: str) -> Meaning | None:
     if not owner:
         owner, _, suffix = name.rpartition(".")
     owner, suffix = owner.strip(), suffix.strip()
+    *above, last = re.split(r"(?=[/.])", owner)
+    if _is_motion(_singular(last.strip("/.").lower())) and suffix.lower() in (*_COMMANDED, "q"):
+        owner, suffix = "".join(above), f"{last.strip('/.')}_{suffix}"  # `knee/velocity/target` is no position
     if suffix in JOINT_SUFFIXES and "/" in name:
         return _of_owner(owner, Meaning("", suffix, suffix))
-    if owner and (told := _of_words(words(suffix))) is not None and not told.joint and told.quantity != "time":
-        return _of_owner(owner, replace(told, by=suffix))
+    if owner and (told := _of_words(words(suffix))) is not None and told.quantity != "time":
+        if not told.joint:
+            return _of_owner(owner, replace(told, by=suffix))
+        if re.fullmatch(r"joint_\d+", told.joint):
+            return _of_owner(owner, told)
     return _of_words(words(name))
 
 
@@ -382,10 +401,11 @@ def _of_owner(owner: str, told: Meaning) -> Meaning | None:
     """The meaning of a quantity of an owner, whose parts between slashes and dots name the joint or a role.
 
     `goal_position/knee`, `command.knee` and `motor_cmd[3]` say that the quantity is commanded, `joint_states/knee` and
-    `measured/knee` that it is not; what is made from signals, as `error/knee`, is None.
+    `measured/knee` that it is not; what is made from signals, as `error/knee`, is None. A quantity with a number is a
+    member of the owner's vector: `left/position_2` is of the joint `left_2`.
     """
     parts = [part for part in re.split(r"[/.]", owner) if part]
-    said = [word.lower() for part in parts for word in _owner_words(part)]
+    said = [_singular(word.lower()) for part in parts for word in _owner_words(part)]
     if any(word in _DERIVED for word in said):
         return None
     measured = any(word.lower() in _MEASURED for word in words(told.by))
@@ -393,13 +413,16 @@ def _of_owner(owner: str, told: Meaning) -> Meaning | None:
     named = [_without_roles(part) for part in parts if "/" in owner or part.lower() not in _NOISE]
     joint = "/".join(filter(None, named))
     quantity = COMMANDS.get(told.quantity, told.quantity) if commanded else told.quantity
+    if told.joint:
+        return replace(told, joint=told.joint.replace("joint", joint) if joint else told.joint, quantity=quantity)
     return replace(told, joint=joint if joint or commanded else owner, quantity=quantity)
 
 
 def _without_roles(owner: str) -> str:
     """`motor_3` of `motor_cmd[3]` and of `motor_state[3]`, nothing of `goal_position`; other owners as they are."""
     parts = _owner_words(owner)
-    kept = [word for word in parts if word.lower() not in (*_COMMANDED, *_MEASURED, *_ROLES)]
+    roles = {*_COMMANDED, *_MEASURED, *_ROLES}
+    kept = [word for word in parts if roles.isdisjoint((word.lower(), _singular(word.lower())))]
     if kept == parts:
         return owner
     return _joint([word for word in kept if word.lower() not in _NOISE and _singular(word.lower()) not in COMMANDS])
@@ -413,9 +436,9 @@ def _owner_words(owner: str) -> list[str]:
 def _of_words(said: Sequence[str]) -> Meaning | None:
     """What the words of a name seem to mean."""
     said = [word for word, after in pairwise([*said, ""]) if not (word.lower() == "id" and after.isdigit())]
-    parts = [each for part in said for each in _split(part)]
+    parts = [each for at, part in enumerate(said) for each in _split(part, said[:at])]
     lower = [_singular(part.lower()) for part in parts]
-    if any(word in _NO_JOINT for word in lower) or _is_other(lower):
+    if any(word.rstrip("0123456789") in _NO_JOINT for word in lower) or _is_other(lower):
         return None
     span = _longest(lower, _BY_WORDS)
     if span is None:
@@ -463,11 +486,16 @@ def _longest(lower: Sequence[str], known: Collection[str]) -> tuple[int, int] | 
     return best
 
 
-def _split(part: str) -> list[str]:
-    """`q1` -> q, 1 where `q` is called like a quantity; `qdes` -> q, des and `actpos` -> act, pos; `joint1` stays."""
+def _split(part: str, before: Sequence[str] = ()) -> list[str]:
+    """`q1` -> q, 1 where `q` is called like a quantity, and `d1` -> d, 1 behind `q`, as `q_d` is called like one.
+
+    So is a word of a role behind a quantity, `pos_des1`. `qdes` -> q, des and `actpos` -> act, pos; `joint1` stays.
+    """
     if found := re.fullmatch(r"([A-Za-z]+)(\d+)", part):
-        name = _split(found[1])
-        return [*name, found[2]] if len(name) > 1 or _singular(found[1].lower()) in _BY_WORDS else [part]
+        name, last = _split(found[1]), _singular(found[1].lower())
+        told = any("_".join([*before[at:], last]).lower() in _BY_WORDS for at in range(len(before) + 1))
+        told |= last in (*_COMMANDED, *_MEASURED) and any(word.lower() in _BY_WORDS for word in before)
+        return [*name, found[2]] if len(name) > 1 or told else [part]
     lower = _singular(part.lower())
     if lower in _KNOWN:
         return [part]

@@ -29,6 +29,8 @@ FASTEST = 50.0
 """A velocity above is not in rad/s."""
 SWITCHED = dict.fromkeys(("on", "true", "yes", "enabled"), 1.0) | dict.fromkeys(OFF, 0.0)
 """Words of a column that says when the drive is on."""
+COUNTED = "whole numbers: encoder counts"
+"""Why a position has a factor for its unit."""
 ANGLES = ("position", "position_command", "motor_position")
 """Quantities that an encoder counts."""
 NAMELESS = "joint"
@@ -136,7 +138,7 @@ def _unit(quantity: str, low: float, high: float, *, whole: bool) -> tuple[str, 
             return "rad", ""
         if whole and span > 0.0:
             counts = 2 ** max(10, int(np.ceil(np.log2(largest + 1.0))))
-            return f"{2.0 * np.pi / counts:.10g}", f"whole numbers: encoder counts, perhaps {counts} a turn"
+            return f"{2.0 * np.pi / counts:.10g}", f"{COUNTED}, perhaps {counts} a turn"
         if largest < MOST_DEGREES:
             return "deg", f"spans {span:.4g}, which in rad would be more than two turns"
         return "", f"spans {span:.4g}, which is too much for rad and deg"
@@ -270,6 +272,11 @@ def suggested_rig(
     doubtful = [column.name for column in used if not column.unit]
     if doubtful:
         notes.append(f"The unit of {', '.join(map(repr, doubtful))} is not clear: state it under `units:`.")
+    if counted := [column.name for column in used if COUNTED in column.why]:
+        notes.append(
+            f"The counts per turn of {', '.join(map(repr, counted))} are a guess from the largest one: correct the"
+            " factors 2π/counts under `units:`."
+        )
     notes += _other_drives(drives, by_joint)
     efforts = [by_joint[j]["torque_command"].name for j, kind in drives.items() if kind == "torque"]
     if chosen is None and any(name.endswith("/effort") for name in efforts):

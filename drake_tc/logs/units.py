@@ -192,20 +192,24 @@ SPELLINGS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "mrad/s": ("mrad_s", "mrad_per_s"),
         "rpm": ("1/min", "min-1", "rev/min", "u/min", "r/min"),
         "rev/s": ("rev_s", "revs_s", "rev_per_s", "rps", "1/s", "hz"),
-        "N*m": ("nm", "n_m"),
-        "mN*m": ("mnm",),
+        "N*m": ("nm", "n_m", "newtonmeter", "newtonmeters", "newton_meter", "newton_meters"),
+        "mN*m": ("mnm", "millinewtonmeter", "millinewtonmeters", "millinewton_meters"),
         "N*mm": ("nmm", "n_mm"),
         "N*cm": ("ncm", "n_cm"),
         "kgf*cm": ("kgfcm", "kgcm", "kgf_cm", "kg_cm"),
         "kgf*m": ("kgfm", "kgm", "kgf_m", "kg_m"),
-        "lbf*ft": ("lbfft", "lbft", "ftlb", "ftlbf", "lbf_ft", "lb_ft", "ft_lb"),
-        "lbf*in": ("lbfin", "lbin", "inlb", "inlbf", "lbf_in", "lb_in", "in_lb"),
+        "lbf*ft": ("lbfft", "lbft", "ftlb", "ftlbs", "ftlbf", "lbf_ft", "lb_ft", "ft_lb", "ft_lbs"),
+        "lbf*in": ("lbfin", "lbin", "inlb", "inlbs", "inlbf", "lbf_in", "lb_in", "in_lb", "in_lbs"),
         "ozf*in": ("ozfin", "ozin", "inoz", "ozf_in", "oz_in"),
         "mm/s": ("mm_s", "mm_per_s"),
         "m/s": ("m_s", "m_per_s"),
-        "A": ("amp", "amps", "ampere"),
-        "mA": ("milliamp", "milliamps"),
+        "A": ("amp", "amps", "ampere", "amperes"),
+        "mA": ("milliamp", "milliamps", "mamp", "mamps", "milliampere", "milliamperes"),
         "V": ("volt", "volts"),
+        "s": ("sec", "secs", "seconds"),
+        "ms": ("msec", "msecs", "millis", "milliseconds"),
+        "us": ("usec", "usecs", "micros", "microseconds"),
+        "ns": ("nsec", "nsecs", "nanos", "nanosec", "nanoseconds"),
         "in": ("inch", "inches"),
         "lbf": ("lb", "lbs"),
         "degC": ("°c", "c", "celsius"),
@@ -277,7 +281,7 @@ def is_unit(text: str) -> bool:
     """Whether a text looks like a unit of any quantity. A single letter may as well be the name of an axis."""
     if found := _SOME_OF.fullmatch(text.strip()):
         return is_known(found[1]) or is_unit(found[1])
-    if re.search(r"[\^°%²³*·µ]", text) or text.lower() in COUNTS:
+    if re.search(r"[\^°%²³*·µ]|^[nucdkM](A|V|N|Nm|rad)$", text) or text.lower() in COUNTS:
         return True
     whole, *per = re.split(r"[/]", text.strip())
     return (not per and len(whole) > 1 and is_known(whole)) or (bool(per) and all(map(is_known, per)))
@@ -288,10 +292,9 @@ def is_known(text: str) -> bool:
     return any(unit_named(text, quantity) for quantity in (*JOINT_SUFFIXES, *SENSOR_SUFFIXES, "time"))
 
 
-def at_the_end() -> "re.Pattern[str]":
-    """A name that ends with a unit after a separator: the name before it, and the unit."""
+def spelled_in_names() -> str:
+    """The units that names of columns state without brackets, as the alternatives of a pattern, longer ones first."""
     known = {each for units in (*JOINT_SUFFIXES.values(), *SENSOR_SUFFIXES.values()) for each in units}
     spelled = {*known, *(each for unit in known for each in SPELLINGS.get(unit, ()))} - set(TIME)
     ends = [each for each in spelled if each.lower() not in _ONLY_IN_BRACKETS]
-    ends.sort(key=len, reverse=True)
-    return re.compile(rf"(.+?)[\s_.\-]+({'|'.join(map(re.escape, ends))})", re.IGNORECASE)
+    return "|".join(map(re.escape, sorted(ends, key=len, reverse=True)))

@@ -45,6 +45,17 @@ TURN = 2.0 * np.pi
         ("force (lbf)", "torque", "lbf"),
         ("pos_estimate [turns]", "position", "turn"),
         ("Drehzahl [1/min]", "velocity", "rpm"),
+        ("I/A", "current", "A"),
+        ("tau/mNm", "torque", "mN*m"),
+        ("ω/(rad/s)", "velocity", "rad/s"),
+        ("positionDeg", "position", "deg"),
+        ("torqueMNm", "torque", "mN*m"),
+        ("deg_pos", "position", "deg"),
+        ("Current (mAmps)", "current", "mA"),
+        ("Torque (ft-lbs)", "torque", "lbf*ft"),
+        ("torque_millinewtonmeters", "torque", "mN*m"),
+        ("Time (sec)", "time", "s"),
+        ("time_msec", "time", "ms"),
     ],
 )
 def test_units_as_spreadsheets_and_data_sheets_write_them(name, quantity, unit):
@@ -57,6 +68,21 @@ def test_units_as_spreadsheets_and_data_sheets_write_them(name, quantity, unit):
     [
         ("tau_J[3]", "joint_3", "torque"),
         ("tau_J_d[3]", "joint_3", "torque_command"),
+        ("control.tau_J_d_3", "joint_3", "torque_command"),
+        ("/controller_state/actual/positions.3", "joint_3", "position"),
+        ("/arm_controller/controller_state/desired/positions[3]", "arm_3", "position_command"),
+        ("hip/dof_pos", "hip", "position"),
+        ("q_d3", "joint_3", "position_command"),
+        ("pos_des3", "joint_3", "position_command"),
+        ("vel_meas3", "joint_3", "velocity"),
+        ("tau_J3", "joint_3", "torque"),
+        ("tau_J_d3", "joint_3", "torque_command"),
+        ("/joint_commands/hip/position", "hip", "position_command"),
+        ("/joint_trajectory/hip/position", "hip", "position_command"),
+        ("/dynamic_joint_states/hip/position", "hip", "position"),
+        ("/knee/velocity/target", "knee", "velocity_command"),
+        ("torque.setpoint", "", "torque_command"),
+        ("voltage.q", "", "voltage"),
         ("applied_torque_1", "joint_1", "torque_command"),
         ("joint_positions_0", "joint_0", "position"),
         ("jointVelocities[2]", "joint_2", "velocity"),
@@ -81,6 +107,29 @@ def test_names_of_public_logs(name, joint, quantity):
     assert told is not None and (told.joint, told.quantity, told.unit) == (joint, quantity, "")
 
 
+@pytest.mark.parametrize(
+    ("name", "quantity", "unit"),
+    [
+        ("pos_deg_knee", "position", "deg"),
+        ("position [deg] knee", "position", "deg"),
+        ("cur_mA_knee", "current", "mA"),
+        ("vel_rad_s_knee", "velocity", "rad/s"),
+        ("knee_pos_deg_cmd", "position_command", "deg"),
+        ("kneePosDeg", "position", "deg"),
+        ("kneePosDegCmd", "position_command", "deg"),
+    ],
+)
+def test_units_between_other_words(name, quantity, unit):
+    told = meaning(name)
+    assert told is not None and (told.joint, told.quantity, told.unit) == ("knee", quantity, unit)
+
+
+@pytest.mark.parametrize("name", ["lb_hip_torque", "turn_angle", "rev_knee_pos", "q/a", "arm/in"])
+def test_words_that_may_be_units_are_names_of_joints(name):
+    told = meaning(name)
+    assert told is None or (told.joint and not told.unit)
+
+
 @pytest.mark.parametrize(("name", "joint"), [("pos (A)", "A"), ("pos (left/knee)", "left_knee"), ("q_ma", "ma")])
 def test_names_of_joints_are_no_units(name, joint):
     told = meaning(name)
@@ -99,7 +148,7 @@ def test_names_of_what_is_no_signal_of_a_motor(name):
     assert meaning(name) is None
 
 
-@pytest.mark.parametrize("unit", ["%", "µNm", "counts/s", "raw"])
+@pytest.mark.parametrize("unit", ["%", "µNm", "cNm", "counts/s", "raw"])
 def test_a_unit_that_no_rig_file_may_name_is_not_taken_for_si(tmp_path, unit):
     table = mine().rename(columns={"torque": f"torque [{unit}]"})
     (tmp_path / "run.csv").write_text(table.to_csv(index=False))
@@ -166,10 +215,25 @@ def test_a_switch_in_words_is_used(tmp_path, on, off):
     assert np.all(run.segment[run.time <= 1.0] < 0) and np.all(run.segment[run.time > 1.1] >= 0)
 
 
-def test_cells_between_blanks_are_refused_with_what_to_do(tmp_path):
-    np.savetxt(tmp_path / "run.csv", bench().to_numpy()[:, :3], header="t q tau")
-    with pytest.raises(LogError, match="expected commas, semicolons or tabs between the cells, got blanks"):
-        read_table(tmp_path / "run.csv")
+@pytest.mark.parametrize("layout", ["# ", "", "aligned"])
+def test_cells_between_blanks(tmp_path, layout):
+    own = bench().iloc[:, :3].set_axis(["t", "q", "tau"], axis=1)
+    if layout == "aligned":
+        (tmp_path / "run.txt").write_text(own.to_string(index=False))
+    else:
+        np.savetxt(tmp_path / "run.txt", own, header="t q tau", comments=layout)
+    assert_allclose(read_table(tmp_path / "run.txt")[["t", "q", "tau"]], own, rtol=0, atol=1e-6)
+
+
+def test_numbers_between_blanks_above_commas_are_a_line_above_the_names(tmp_path):
+    (tmp_path / "run.csv").write_text("12 7\n\n" + bench().to_csv(index=False))
+    assert list(read_table(tmp_path / "run.csv").columns) == list(bench().columns)
+
+
+def test_blanks_in_names_between_blanks_are_refused_with_what_to_do(tmp_path):
+    np.savetxt(tmp_path / "run.txt", bench().to_numpy()[:, :3], header="t (s) q tau")
+    with pytest.raises(LogError, match="got blanks, and above 3 numbers 4 words; write one word for each name, or"):
+        read_table(tmp_path / "run.txt")
 
 
 @pytest.mark.parametrize(("whole", "rest"), [("secs", "nsecs"), ("header.stamp.sec", "header.stamp.nanosec")])
@@ -182,6 +246,13 @@ def test_stamps_of_two_numbers(tmp_path, whole, rest):
     found = inspect_log(tmp_path / "run.csv")
     run = load_run(tmp_path / "run.csv", parse_rig(dict(found.rig)))
     assert len(run) == len(table) and run.period == pytest.approx(np.median(np.diff(bench()["time"])), rel=1e-6)
+
+
+def test_parts_of_a_stamp_are_no_time_beside_a_whole_one(tmp_path):
+    log = bench()
+    parts = {"rosbagTimestamp": 1.7e9 + log["time"], "secs": 1.7e9 + np.floor(log["time"]), "nsecs": log["time"] % 1.0}
+    log.drop(columns="time").assign(**parts).to_csv(tmp_path / "run.csv", index=False)
+    assert inspect_log(tmp_path / "run.csv").rig["columns"]["time"] == "rosbagTimestamp"
 
 
 def test_the_header_of_rostopic_stands_in_a_comment(tmp_path):

@@ -145,6 +145,35 @@ def test_counts_of_an_encoder(tmp_path):
     assert found.rig["units"]["joint/position"] == pytest.approx(2 * np.pi / 4096, rel=1e-9)
     (position,) = [column for column in found.columns if column.name == "q_meas"]
     assert "encoder counts, perhaps 4096 a turn" in position.why and position.step == pytest.approx(1.0)
+    assert any("The counts per turn of 'q_meas', 'q_ref' are a guess" in note for note in found.notes)
+
+
+@pytest.mark.parametrize(("moving", "units"), [("ab", ["deg"] * 6), ("a", ["deg"] * 2)])
+def test_a_joint_that_moves_little_has_the_unit_of_most_others_or_a_note(tmp_path, moving, units):
+    t = np.arange(300) / 100.0
+    reach = {joint: 80.0 if joint in moving else 4.0 for joint in "abc"}
+    columns = {f"{joint}_{name}": size * np.sin(t) for joint, size in reach.items() for name in GOALS}
+    found = inspected(tmp_path, {"time": t, **columns})
+    assert list(found.rig["units"].values()) == units
+    assert any("state the units under" in note for note in found.notes) == (moving == "a")
+
+
+def test_columns_called_like_the_joints_are_positions_beside_their_commands(tmp_path):
+    t = np.arange(300) / 100.0
+    own = {f"{joint}{name}": np.sin(t + at) for joint in ("hip", "J2") for at, name in enumerate(("", "_target"))}
+    found = inspected(tmp_path, {"time": t, **own})
+    assert found.rig["joints"] == ["hip", "J2"] and found.rig["columns"]["J2/position"] == "J2"
+
+
+GOALS = ("present_position", "goal_position")
+
+
+def test_servos_of_one_bus_count_alike(tmp_path):
+    t = np.arange(300) / 100.0
+    ranges = {"a": 1200, "b": 2600}
+    columns = {f"{joint}_{name}": np.round(at + 400.0 * np.sin(t)) for joint, at in ranges.items() for name in GOALS}
+    units = inspected(tmp_path, {"time": t, **columns}).rig["units"]
+    assert list(units.values()) == pytest.approx([2 * np.pi / 4096] * 4, rel=1e-9)
 
 
 def test_the_same_quantity_twice_and_joints_without_commands(tmp_path):

@@ -77,7 +77,7 @@ def test_a_run_from_json_is_the_run_from_csv(tmp_path):
     ("name", "text", "said"),
     [
         ("cut.json", '{"time": [0, 1],\n "q": [1, ', "not valid JSON at line 2, column 11"),
-        ("cut.jsonl", '{"time": 0}\n{"time": 1', "not valid JSON at line 2"),
+        ("cut.jsonl", '{"time": 0}\n{"time": 1\n{"time": 2}', "not valid JSON at line 2"),
         ("text.json", '"hello"', "expected a mapping of columns {name: [values]}, or a list of records"),
         ("scalars.json", '{"mass": 1, "length": 2}', "got a mapping without a list: mass, length"),
         ("numbers.json", "[1, 2, 3]", "row 1 is the value 1; expected a mapping"),
@@ -138,3 +138,24 @@ def test_episodes_with_names_are_no_joints(tmp_path):
     episodes = [{"name": name, "actions": [0.1] * 50, "sensor_data": [0.2] * 50} for name in ("chirp", "sine")]
     table = read_table(_write(tmp_path / "a.json", {"hz": 50, "runs": episodes}))
     assert list(table.columns) == ["time", "actions", "sensor_data"] and len(table) == 100
+
+
+def test_tables_as_pandas_writes_them_and_lines_without_their_ending(tmp_path):
+    own = bench(0.1)
+    for number, form in enumerate(("columns", "index", "split", "records")):
+        path = tmp_path / f"{number}.json"
+        own.to_json(path, orient=form, double_precision=15, lines=form == "records")
+        assert_allclose(read_table(path)[list(own)], own, rtol=1e-12, atol=1e-12)
+
+
+def test_a_matrix_may_have_a_row_for_each_joint(tmp_path):
+    q = np.stack([np.arange(40.0), -np.arange(40.0)])
+    table = read_table(_write(tmp_path / "run.json", {"time": list(range(40)), "q": q.tolist()}))
+    assert_allclose(table[["q_0", "q_1"]], q.T)
+
+
+def test_a_last_line_that_is_cut_off_is_left_out(tmp_path):
+    bench(0.1).to_json(tmp_path / "run.jsonl", orient="records", lines=True)
+    (tmp_path / "run.jsonl").write_text((tmp_path / "run.jsonl").read_text()[:-9])
+    table = read_table(tmp_path / "run.jsonl")
+    assert len(table) == len(bench(0.1)) - 1 and table.attrs["notes"] == ["The last line is cut off and was left out."]

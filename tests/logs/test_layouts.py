@@ -95,7 +95,7 @@ def units_of_pairs(path: Path) -> Path:
     """Names over the times, and below them a line of units in place of X and Y."""
     values = np.column_stack([TIME, POSITION * DEG, TIME, CURRENT * 1e3, TIME, TORQUE])
     rows = "\n".join(",".join(f"{value:.9f}" for value in row) for row in values)
-    path.write_text("Position,,Current,,Torque,\ns,deg,s,mA,s,Nm\n" + rows + "\n")
+    path.write_text("Position,,Current,,Torque,\nsec,deg,sec,mA,sec,Nm\n" + rows + "\n")
     return path
 
 
@@ -298,6 +298,11 @@ def units_in_comments(path: Path) -> Path:
     return path
 
 
+def units_in_one_comment(path: Path) -> Path:
+    path.write_text("# time[ms] q[deg] q_cmd[deg] tau[mNm]\n" + in_odd_units().to_csv(index=False))
+    return path
+
+
 def units_of_long_rows(path: Path) -> Path:
     own = in_odd_units()
     rows = pd.concat([own.assign(joint="knee"), own.assign(joint="hip")]).sort_values("time", kind="stable")
@@ -429,6 +434,7 @@ LAYOUTS = {write.__name__: (write, "run.csv") for write in CSV} | {
     "units above": (units_above, "run.csv"),
     "units in a comment": (units_in_a_comment, "run.csv"),
     "units in comments": (units_in_comments, "run.csv"),
+    "units in one comment": (units_in_one_comment, "run.csv"),
     "units of long rows": (units_of_long_rows, "run.csv"),
     "units in json": (units_in_json, "run.json"),
     "units in npz": (units_in_npz, "run.npz"),

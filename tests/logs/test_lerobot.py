@@ -129,3 +129,15 @@ def test_positions_within_a_hundred_may_be_shares_of_a_range(tmp_path):
     for folder, scale in (("shares", 40.0), ("rad", 1.0)):
         notes = inspect_log(written(tmp_path / folder, scale=scale)).notes
         assert any("share of each joint's calibrated range" in note for note in notes) == (folder == "shares")
+
+
+def test_lists_beside_names_of_their_joints_and_with_missing_rows(tmp_path):
+    q = np.arange(80.0).reshape(40, 2)
+    rows = [None if i == 3 else list(row) for i, row in enumerate(q)]
+    pd.DataFrame({"time": np.arange(40.0), "joint_names": [["hip", "knee"]] * 40, "position": rows}).to_parquet(
+        tmp_path / "run.parquet"
+    )
+    table = read_table(tmp_path / "run.parquet")
+    np.testing.assert_allclose(
+        table[["hip/position", "knee/position"]], np.where(np.arange(40)[:, None] == 3, np.nan, q)
+    )

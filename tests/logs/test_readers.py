@@ -72,6 +72,8 @@ def test_refusals_name_the_file_and_what_is_possible(tmp_path):
         ("header.csv", b"time,joint/position\n", "no rows"),
         ("twice.csv", b"time,q,q\n" + b"1,2,3\n" * 30, "column 'q' stands more than once"),
         ("twice.csv.gz", gzip.compress(b"time,q ,q\n" + b"1,2,3\n" * 30, mtime=0), "column 'q' stands more than once"),
+        ("echo.csv", b"17,0,hip,0.25\n18,0,hip,0.26\n", "names of the columns in line 1, got numbers ('0.25' first)"),
+        ("run.h5", b"", "unknown kind of log file (.h5); write its columns as CSV or its arrays with numpy.savez"),
         ("first.csv", b"0.0,0.0,1e-3\n0.1,0.2,0.3\n", "names of the columns in line 1, got numbers ('0.0' first)"),
     ],
 )
@@ -80,7 +82,14 @@ def test_a_file_that_is_no_table_is_refused(tmp_path, name, content, says):
     assert says in unreadable(tmp_path / name)
 
 
-@pytest.mark.parametrize("encoding", ["utf-16", "utf-16-le", "utf-16-be", "utf-32"])
+@pytest.mark.parametrize("mark", ["utf-16-le", "utf-16-be"])
+def test_csv_in_utf_16_with_its_mark(tmp_path, mark):
+    text = "\ufefftime [s]\tWinkel [°]\n" + "1\t2\n" * 30
+    (tmp_path / "run.csv").write_bytes(text.encode(mark))
+    assert list(read_table(tmp_path / "run.csv").columns) == ["time [s]", "Winkel [°]"]
+
+
+@pytest.mark.parametrize("encoding", ["utf-16-le", "utf-16-be", "utf-32"])
 def test_csv_in_another_encoding_is_refused(tmp_path, encoding):
     (tmp_path / "run.csv").write_bytes(("time,q\n" + "1,2\n" * 30).encode(encoding))
     assert "expected text in UTF-8" in unreadable(tmp_path / "run.csv")
@@ -110,8 +119,37 @@ def test_decimal_commas_are_read_beside_a_separator_that_is_no_comma(tmp_path, s
     assert "'time', 'joint/position', 'gap' have a decimal comma" in note
 
 
-@pytest.mark.parametrize("texts", [["1.234,5", "2,5"], ["1,2", "two"], ["1,2,3", "1,2"]])
+@pytest.mark.parametrize(
+    ("separator", "texts", "numbers"),
+    [
+        (";", ["-1.234,5", "2,5", "nan"], [-1234.5, 2.5, np.nan]),
+        (",", ['"1,234.5"', "2.5", "-nan(ind)"], [1234.5, 2.5, np.nan]),
+        (",", ['"1,234,567"', '"1,234"', "12"], [1234567.0, 1234.0, 12.0]),
+    ],
+)
+def test_separators_of_thousands(tmp_path, separator, texts, numbers):
+    """A text with both marks, or with one twice, tells which of them is which for its column."""
+    rows = "".join(f"{k}{separator}{text}\n" for k, text in enumerate(texts))
+    (tmp_path / "run.csv").write_text(f"time{separator}a\n{rows}")
+    table = read_table(tmp_path / "run.csv")
+    assert_allclose(table["a"], numbers)
+    assert table.attrs["notes"] == ["The numbers of 'a' have separators of thousands, and were read so."]
+
+
+@pytest.mark.parametrize("texts", [["1.234,5", "2,5.1"], ["1,2", "two"], ["1,2,3", "1,2"]])
 def test_texts_that_may_mean_something_else_stay_texts(tmp_path, texts):
     (tmp_path / "run.csv").write_text("time;a\n" + "".join(f"{k};{text}\n" for k, text in enumerate(texts)))
     table = read_table(tmp_path / "run.csv")
     assert table["a"].tolist() == texts and "notes" not in table.attrs
+
+
+def test_vectors_in_cells_as_numpy_prints_them_and_with_missing_rows(tmp_path):
+    cells = [str([np.float64(k), np.float64(-k)]) for k in range(40)]
+    pd.DataFrame({"time": np.arange(40.0), "q": ["None", *cells[1:3], "", *cells[4:]]}).to_csv(tmp_path / "run.csv")
+    table = read_table(tmp_path / "run.csv")
+    assert np.flatnonzero(table["q_1"].isna()).tolist() == [0, 3] and table["q_1"].iloc[7] == -7.0
+
+
+def test_a_file_of_python_objects_says_so(tmp_path):
+    np.savez(tmp_path / "run.npz", data={"q": [1.0, 2.0]})  # type: ignore[arg-type]
+    assert "no rows (What cannot be read (Python objects) was left out: data.)" in unreadable(tmp_path / "run.npz")

@@ -327,3 +327,13 @@ def test_names_are_unique(tmp_path, table):
         paths.append(write(table, tmp_path / folder / "run.csv"))
     runs = load_runs([*paths, paths[0]], servo_rig())
     assert [run.name for run in runs] == ["a/run", "b/run", "a/run-2"]
+
+
+@pytest.mark.parametrize(("bits", "unit"), [(16, 1e-3), (32, 1e-3), (32, 1e-6)])
+@pytest.mark.parametrize("whole", [True, False])
+def test_a_counter_that_begins_anew_goes_on(tmp_path, table, bits, unit, whole):
+    """As those of microcontrollers, in their own unit or in s."""
+    counts = (np.round(table["time"] / unit).astype(np.int64) + 2**bits - round(3.0 / unit)) % 2**bits
+    run = load(table.assign(time=counts if whole else counts * unit), tmp_path, units={"time": unit if whole else "s"})
+    assert_allclose(run.time - run.time[0], table["time"], rtol=0, atol=1e-6)
+    assert noted(run, "began anew 1 times")

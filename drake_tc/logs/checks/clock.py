@@ -27,7 +27,7 @@ from scipy.signal import savgol_filter
 
 from drake_tc.errors import LogError
 from drake_tc.logs.columns import RawLog, file_row
-from drake_tc.logs.names import meaning, words
+from drake_tc.logs.names import meaning, time_among, words
 from drake_tc.logs.record import MIN_ROWS
 from drake_tc.logs.rig import Rig
 from drake_tc.logs.units import TIME
@@ -541,6 +541,8 @@ def with_whole_stamps(table: pd.DataFrame) -> pd.DataFrame:
         if (stem, word) in by_end
     ]
     stamps = {name for pair in pairs for name in pair[:2]}
+    aside = dict.fromkeys(stamps, "part of a stamp of the time")
+    table.attrs["aside"] = {**table.attrs.get("aside", {}), **aside}
     told = (meaning(name) for name in last if name not in stamps)
     if not pairs or any(each is not None and each.quantity == "time" for each in told):
         return table
@@ -548,10 +550,31 @@ def with_whole_stamps(table: pd.DataFrame) -> pd.DataFrame:
     seconds, more = (pd.to_numeric(table[name], errors="coerce").to_numpy(np.float64) for name in (whole, rest))
     first = next(iter(seconds[np.isfinite(seconds)]), 0.0)
     table.insert(0, "time", seconds - first + unit * more)
-    aside = dict.fromkeys(stamps, "part of a stamp of the time")
-    table.attrs["aside"] = {**table.attrs.get("aside", {}), **aside}
     note = f"The time is that of {whole!r} and {rest!r} together, counted from the first second."
     table.attrs["notes"] = [*table.attrs.get("notes", ()), note]
+    return table
+
+
+COUNTERS = tuple(2.0**bits * unit for bits in (16, 32) for unit in (1.0, 1e-3, 1e-6))
+"""Values at which the counters of microcontrollers begin anew, as they are or in s."""
+
+
+def with_counters_unwrapped(table: pd.DataFrame) -> pd.DataFrame:
+    """The table, where a time that falls by the range of its counter, but for a few steps, goes on instead."""
+    name = time_among(map(str, table.columns))
+    if name is None or not pd.api.types.is_numeric_dtype(table[name]):
+        return table
+    time = table[name].to_numpy(np.float64, na_value=np.nan)
+    steps = np.diff(time)
+    usual = float(np.median(steps[steps > 0.0])) if np.any(steps > 0.0) else 0.0
+    for counter in COUNTERS:
+        wraps = np.abs(steps + counter) <= GAP * usual
+        if wraps.any() and np.nanmax(time) < counter and usual < 1e-2 * counter:
+            table[name] = time + counter * np.concatenate([[0.0], np.cumsum(wraps)])
+            note = (
+                f"The counter of {name!r} began anew {int(wraps.sum())} times after {counter:.10g}; the time goes on."
+            )
+            table.attrs["notes"] = [*table.attrs.get("notes", ()), note]
     return table
 
 

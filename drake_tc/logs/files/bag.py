@@ -80,7 +80,7 @@ def _of_mcap(path: Path, to: Path) -> Path:
         rest = file.read(size - end) if opcode == CHUNK else b""
         file.seek(0)
         _copy(file, mended, end)
-        for kind, content in _records(_unpacked(rest[9:])):
+        for kind, content in records(unpacked(rest[9:])):
             if kind in (SCHEMA, CHANNEL, MESSAGE):
                 mended.write(struct.pack("<BQ", kind, len(content)) + content)
         mended.write(struct.pack("<BQQQI", FOOTER, 20, 0, 0, 0) + MAGIC)
@@ -93,7 +93,7 @@ def _copy(file: IO[bytes], to: IO[bytes], size: int) -> None:
         size -= len(part)
 
 
-def _unpacked(chunk: bytes) -> bytes:
+def unpacked(chunk: bytes) -> bytes:
     """The beginning of the records in a chunk that is cut; empty where nothing of it can be unpacked."""
     if len(chunk) < CHUNK_HEADER + 4:
         return b""
@@ -119,7 +119,7 @@ def _unpacker(compression: str) -> Any:
         return import_module(f"backports.{compression}").ZstdDecompressor()
 
 
-def _records(content: bytes) -> Iterator[tuple[int, bytes]]:
+def records(content: bytes) -> Iterator[tuple[int, bytes]]:
     """Opcode and content of the records that are whole."""
     at = 0
     while at + 9 <= len(content):

@@ -13,6 +13,7 @@ import io
 import re
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import IO, NamedTuple
@@ -23,9 +24,9 @@ import pandas as pd
 from drake_tc.config.files import unpacked_gzip
 from drake_tc.config.quoted import quoted
 from drake_tc.errors import LogError
-from drake_tc.logs.files.table_forms import of_series
+from drake_tc.logs.files.table_forms import MISSING, of_series
 from drake_tc.logs.names import meaning
-from drake_tc.logs.units import TIME, is_known, is_unit
+from drake_tc.logs.units import is_known, is_unit, unit_named
 
 LONGEST_LINE = 2**24
 """Of the first lines of a CSV file [bytes]."""
@@ -71,9 +72,9 @@ def _cells_of(line: str) -> list[str]:
 
 
 def _check_encoding(path: Path, beginning: bytes) -> None:
-    """Refuse UTF-16 and UTF-32, in which every second byte of plain text is zero and which spreadsheets offer."""
-    if beginning.startswith((b"\xff\xfe", b"\xfe\xff")) or b"\x00" in beginning:
-        raise LogError(f"{path}: expected text in UTF-8, got UTF-16, UTF-32 or binary data; save it as CSV in UTF-8")
+    """Refuse what has zeros among the first bytes: UTF-32, UTF-16 that does not begin with its mark, and no text."""
+    if b"\x00" in beginning:
+        raise LogError(f"{path}: expected text in UTF-8 or UTF-16, got UTF-32 or binary data; save it as CSV in UTF-8")
 
 
 def _decoded(line: bytes) -> str:
@@ -121,22 +122,33 @@ def _check_header_is_first(path: Path, opened: Callable[[], IO[bytes]]) -> None:
     )
 
 
-def _check_separator(path: Path, rows: Sequence[Sequence[str]]) -> None:
-    """Refuse cells between blanks, as `numpy.savetxt` writes them: names may have blanks too."""
-    words = [row[0].split() for row in rows[:2] if len(row) == 1]
-    if len(words) == 2 and len(words[0]) == len(words[1]) > 1 and all(map(_is_number, words[1])):
+def _with_commas(path: Path, content: bytes) -> bytes:
+    """The content with commas between its cells, where blanks alone are between numbers: as `numpy.savetxt` writes.
+
+    Raises:
+        LogError: The line above the first row of numbers has not as many words.
+    """
+    lines = content.split(b"\n", LINES_ABOVE)[:LINES_ABOVE]
+    rows = [re.split(" +", _decoded(line).strip().lstrip("#%/ ")) for line in lines]
+    first = next((i for i, row in enumerate(rows) if len(row) > 1 and all(map(_is_number, row))), None)
+    if first is None or re.search(rb"[,;\t]", b"\n".join(lines[first:])):
+        return content
+    if len(rows[max(0, first - 1)]) != len(rows[first]):
         raise LogError(
-            f"{path}: expected commas, semicolons or tabs between the cells, got blanks; numpy.savetxt writes commas"
-            " with delimiter=','"
+            f"{path}: expected commas, semicolons or tabs between the cells, got blanks, and above {len(rows[first])}"
+            f" numbers {len(rows[max(0, first - 1)])} words; write one word for each name, or commas"
         )
+    return re.sub(rb"(?m)(?<=[^\s#%/]) +(?=\S)", b",", re.sub(rb"(?m)^ +| +(?=\r?$)", b"", content))
 
 
 def _check_names_are_words(path: Path, names: Sequence[str]) -> None:
-    """Refuse a first line of numbers alone: a file without a header."""
+    """Refuse a first line of numbers alone, or with a decimal fraction: a file without a header."""
     filled = [name for name in names if name]
-    if filled and all(map(_is_number, filled)):
+    fractions = [name for name in filled if re.fullmatch(r"[+-]?\d*\.\d+(e[+-]?\d+)?", name, re.IGNORECASE)]
+    if fractions or (filled and all(map(_is_number, filled))):
+        first = quoted((fractions or filled)[0])
         raise LogError(
-            f"{path}: expected the names of the columns in line 1, got numbers ({quoted(filled[0])} first);"
+            f"{path}: expected the names of the columns in line 1, got numbers ({first} first);"
             " add a header line, such as time,<joint>/position"
         )
 
@@ -178,31 +190,49 @@ _NUMBER = re.compile(r"\s*[+-]?(\d+(,\d*)?|,\d+)([eE][+-]?\d+)?\s*")
 
 
 def _with_decimal_points(table: pd.DataFrame, separator: str) -> pd.DataFrame:
-    """The table with numbers in place of texts such as '0,25', and a note that names their columns.
-
-    A column is read so if all of its filled cells are such numbers. Texts with points and commas ('1.234,5') stay:
-    which of the two marks thousands is not known.
-    """
-    if separator == ",":
-        return table
-    read = []
+    """The table with numbers in place of texts such as '0,25' and '1.234,5', and a note that names their columns."""
+    read: dict[str, list[str]] = {"a decimal comma": [], "separators of thousands": []}
     for name in table.columns:
         if not (pd.api.types.is_object_dtype(table[name].dtype) or pd.api.types.is_string_dtype(table[name].dtype)):
             continue
         cells = table[name].to_numpy(dtype=object)
-        filled = np.array([isinstance(cell, str) and cell.strip() != "" for cell in cells], dtype=np.bool_)
-        texts = [str(cell) for cell in cells[filled]]
         if any(not isinstance(cell, str) and not pd.isna(cell) for cell in cells):
             continue
-        if texts and any("," in text for text in texts) and all(map(_NUMBER.fullmatch, texts)):
+        filled = np.array([isinstance(cell, str) and not MISSING.fullmatch(cell.strip()) for cell in cells])
+        found = _numbers_of([str(cell) for cell in cells[filled]], separator)
+        if found is not None:
+            values, kind = found
             numbers = np.full(cells.size, np.nan)
-            numbers[filled] = [float(text.replace(",", ".")) for text in texts]
+            numbers[filled] = values
             table[name] = numbers
-            read.append(str(name))
-    if read:
-        note = f"The numbers of {', '.join(map(repr, read))} have a decimal comma, and were read so."
-        table.attrs["notes"] = [*table.attrs.get("notes", ()), note]
+            read[kind].append(str(name))
+    for kind, names in read.items():
+        if names:
+            note = f"The numbers of {', '.join(map(repr, names))} have {kind}, and were read so."
+            table.attrs["notes"] = [*table.attrs.get("notes", ()), note]
     return table
+
+
+def _numbers_of(texts: Sequence[str], separator: str) -> tuple[list[float], str] | None:
+    """The numbers of a column with commas, and what its texts have; None where they have none or do not agree.
+
+    A text with both marks tells by the last one which is the decimal sign, and one that repeats a mark that this is the
+    separator of thousands. A comma alone is a decimal sign, unless commas are between the cells.
+    """
+    if not any("," in text for text in texts):
+        return None
+    told = {"," if text.rfind(",") > text.rfind(".") else "." for text in texts if "," in text and "." in text}
+    told |= {other for text in texts for mark, other in ((",", "."), (".", ",")) if text.count(mark) > 1}
+    if len(told) > 1 or (not told and separator == ","):
+        return None
+    decimal = told.pop() if told else ","
+    thousands = "." if decimal == "," else ","
+    form = re.compile(rf"\s*[+-]?(\d+|\d{{1,3}}(\{thousands}\d{{3}})+)?(\{decimal}\d*)?(e[+-]?\d+)?\s*", re.IGNORECASE)
+    if not all(map(form.fullmatch, texts)):
+        return None
+    grouped = any(thousands in text for text in texts)
+    values = [float(text.replace(thousands, "").replace(decimal, ".")) for text in texts]
+    return values, "separators of thousands" if grouped else "a decimal comma"
 
 
 _IN_BRACKETS = re.compile(r".*[\[(]\s*([^\[\]()]+?)\s*[\])]\s*")
@@ -244,17 +274,23 @@ def _with_a_line_of_axes(rows: Sequence[Sequence[str]]) -> _Pairs | None:
         below.pop()
     axes = [cell.lower() for cell in below]
     x, others = axes[0] if axes else "", set(axes[1::2])
-    of_times = (x in X_NAMES and len(others) == 1) or (x in TIME and not others & {*TIME, ""})
+    of_times = (x in X_NAMES and len(others) == 1) or (
+        _is_time_unit(x) and all(each and not _is_time_unit(each) for each in others)
+    )
     if len(axes) < 2 or len(axes) % 2 or set(axes[::2]) != {x} or x in others or not of_times:
         return None
     names = [*rows[0], *[""] * (len(axes) - len(rows[0]))]
     named = [(names[i], names[i + 1]) for i in range(0, len(axes), 2)]
-    if x in TIME and all(time and name for time, name in named):
+    if _is_time_unit(x) and all(time and name for time, name in named):
         return None  # a name over each column: a line of units, which `_with_named_times` reads
-    channels = tuple((time or name, 2 * i, 2 * i + 1) for i, (time, name) in enumerate(named) if time or name)
-    units = {name: below[at] for name, _, at in channels} if x in TIME else {}
-    time = f"time [{x}]" if x in TIME else "time"
+    channels = tuple((name or time, 2 * i, 2 * i + 1) for i, (time, name) in enumerate(named) if time or name)
+    units = {name: below[at] for name, _, at in channels} if _is_time_unit(x) else {}
+    time = f"time [{x}]" if _is_time_unit(x) else "time"
     return _Pairs(time, channels, 2, units) if channels else None
+
+
+def _is_time_unit(text: str) -> bool:
+    return bool(unit_named(text, "time"))
 
 
 def _with_named_times(rows: Sequence[Sequence[str]]) -> _Pairs | None:
@@ -266,9 +302,9 @@ def _with_named_times(rows: Sequence[Sequence[str]]) -> _Pairs | None:
     stated = [_IN_BRACKETS.fullmatch(name) for name in names]
     told = [found[1] if found else units.get(name, "") for name, found in zip(names, stated, strict=True)]
     times, others = told[::2], told[1::2]
-    if len(names) < 4 or len(names) % 2 or len(set(times)) != 1 or times[0].lower() not in TIME:
+    if len(names) < 4 or len(names) % 2 or len(set(times)) != 1 or not _is_time_unit(times[0]):
         return None
-    if any(each.lower() in TIME for each in others) or not all(names):
+    if any(map(_is_time_unit, others)) or not all(names):
         return None
     lines = 2 if units else 1
     data = [row[: len(names) : 2] for row in rows[lines:] if len(row) >= len(names)]
@@ -339,10 +375,8 @@ def _content(path: Path) -> _Content:
 
     Where the last comment above the numbers holds the names, it is the header.
     """
-    opened = _opener(path)
-    with opened() as file:
-        content = file.read()
-    _check_encoding(path, content[:4])
+    content = _text_of(path)
+    opened = partial(io.BytesIO, content)
     above = _comments_above(opened)
     below = content[sum(map(len, above)) :]
     may_be_within = any(b"\n" + mark in below for mark in COMMENT_MARKS)
@@ -373,17 +407,17 @@ def _without_preamble(content: _Content) -> _Content:
 
 
 def _units_above(skipped: Sequence[str], names: Sequence[str]) -> dict[str, str]:
-    """By column, the units that comments and lines above the names state: one a column, or `tau: mNm` of one alone."""
-    found = {}
+    """By column, the units that comments and lines above the names state: one a column, or `tau: mNm` and `q [deg]`."""
+    found: dict[str, str] = {}
+    known = "|".join(map(re.escape, sorted(filter(None, names), key=len, reverse=True)))
+    of_one = re.compile(rf"(?<![\w/.])({known})\s*(?::|=|\bin\b|[\[(])\s*([^,;:\[\]()]+?)\s*(?=[,;\])]|$)")
     for line in skipped:
         text = re.sub(r"^(#|%|//|;)*\s*(units?\s*[:=])?\s*", "", line, flags=re.IGNORECASE)
         units = [cell.strip().strip("[]()") for cell in re.split("[,;\t]", text)]
         filled = [unit for unit in units if unit]
         if len(units) == len(names) and 2 * sum(is_unit(each) or is_known(each) for each in filled) > len(filled) > 1:
             return dict(zip(names, units, strict=True))
-        name, _, unit = re.sub(r"\s*(:|=|\bin\b|\[)\s*", "\0", text, count=1).partition("\0")
-        if name in names and (is_unit(unit.rstrip("] ")) or is_known(unit.rstrip("] "))):
-            found[name] = unit.rstrip("] ")
+        found |= {name: unit for name, unit in of_one.findall(text) if is_unit(unit) or is_known(unit)}
     return found
 
 
@@ -413,7 +447,6 @@ def _header(path: Path, opened: Opener, separator: str) -> tuple[list[str], dict
     with opened() as file:
         rows = cells(file, separator, 3)
     names = rows[0] if rows else []
-    _check_separator(path, rows)
     _check_names_are_words(path, names)
     refuse_repeated(path, [name for name in names if name])
     return names, _stated_units(rows)
@@ -454,12 +487,13 @@ def _check_cells(path: Path, opened: Opener, separator: str, width: int) -> None
         )
 
 
-def _opener(path: Path) -> Opener:
-    """Opens the content of a file, unpacked where it is packed."""
-    if not path.name.lower().endswith(".gz"):
-        return lambda: path.open("rb")
-    content = unpacked_gzip(path)
-    return lambda: io.BytesIO(content)
+def _text_of(path: Path) -> bytes:
+    """The content of a file in UTF-8, unpacked where it is packed, with a character between the cells."""
+    content = unpacked_gzip(path) if path.name.lower().endswith(".gz") else path.read_bytes()
+    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        content = content.decode("utf-16", errors="replace").encode()
+    _check_encoding(path, content[:4])
+    return _with_commas(path, content)
 
 
 def read_csv(path: Path) -> pd.DataFrame:

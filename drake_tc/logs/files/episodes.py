@@ -23,7 +23,7 @@ import pyarrow.parquet  # type: ignore[import-untyped]
 
 from drake_tc.config.files import check_size, is_file, is_folder
 from drake_tc.errors import LogError
-from drake_tc.logs.names import meaning, time_among
+from drake_tc.logs.names import meaning, names_joints, time_among
 from drake_tc.logs.record import MIN_ROWS, Run
 
 GAP_SECONDS, GAP_PERIODS = 1.0, 20.0
@@ -272,7 +272,7 @@ def without_lists(table: pd.DataFrame, source: Source) -> pd.DataFrame:
         LogError: Lists of different lengths in one column, or no such episode.
     """
     objects = [name for name in table.columns if pd.api.types.is_object_dtype(table[name])]
-    lists = [name for name in objects if table[name].map(_is_list).all() and len(table)]
+    lists = [name for name in objects if _has_lists(table[name])]
     return _of_episodes(table, source) if lists else with_episodes_apart(table, source)
 
 
@@ -295,29 +295,44 @@ def _of_episodes(table: pd.DataFrame, source: Source) -> pd.DataFrame:
 def _flat(table: pd.DataFrame, features: Mapping[str, Any], path: Path) -> pd.DataFrame:
     """Lists as columns, without pictures."""
     parts: list[pd.DataFrame] = []
+    called = next((list(table[name].iloc[0]) for name in table if _names_the_joints(str(name), table[name])), None)
     for name in table.columns:
         feature = features.get(str(name), {})
         feature = feature if isinstance(feature, dict) else {}
         if feature.get("dtype") in PICTURES:
             continue
         column = table[name]
-        if not (pd.api.types.is_object_dtype(column) and len(table) and column.map(_is_list).all()):
+        if _names_the_joints(str(name), column):
+            continue
+        if not _has_lists(column):
             parts.append(table[[name]])
             continue
-        lengths = column.map(len)
+        lengths = column.dropna().map(len)
         if lengths.nunique() > 1:
             raise LogError(
                 f"{path}: column {name!r} holds lists of {lengths.min()} to {lengths.max()} numbers; expected one"
                 " length"
             )
-        names = [_name(str(name), member) for member in _members(feature.get("names"), int(lengths.iloc[0]))]
-        values = np.stack([np.asarray(row, dtype=np.float64) for row in column])
+        size = int(lengths.iloc[0])
+        names = [_name(str(name), member) for member in _members(feature.get("names", called), size)]
+        values = np.array([np.full(size, np.nan) if row is None else row for row in column], dtype=np.float64)
         parts.append(pd.DataFrame(values, columns=names, index=table.index))
     return pd.concat(parts, axis=1)
 
 
+def _has_lists(column: pd.Series) -> bool:
+    """Whether the cells that are not missing are lists."""
+    known = column.dropna() if pd.api.types.is_object_dtype(column) else column[:0]
+    return len(known) > 0 and bool(known.map(_is_list).all())
+
+
 def _is_list(value: Any) -> bool:
     return isinstance(value, list | np.ndarray) and all(np.isscalar(each) for each in value)
+
+
+def _names_the_joints(name: str, column: pd.Series) -> bool:
+    """Whether all cells are the same list of the joints' names."""
+    return names_joints(name) and _has_lists(column) and column.map(str).nunique() == 1
 
 
 def _name(column: str, member: str) -> str:

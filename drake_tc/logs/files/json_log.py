@@ -4,6 +4,8 @@
     [{"time": 0.0, "knee/position": 0.1}, {"time": 0.01, "knee/position": 0.2}]  records
     {"mass": 0.5, "entries": [{"time": 0.0}, {"time": 0.01}]}                    records under one key
     {"hz": 100, "data": [{"q": [0.1, 0.2, ...]}, {"q": [0.0, 0.1, ...]}]}        episodes of columns
+    {"columns": ["time", "q"], "data": [[0.0, 0.1], [0.01, 0.2]]}                rows, as pandas writes them
+    {"time": {"0": 0.0, "1": 0.01}, "q": {"0": 0.1, "1": 0.2}}                   columns by number, likewise
 
 Fields of a nested mapping become `outer/inner`; a vector in each sample becomes `name_0, name_1, ...`; single values
 beside the samples are no columns. A list `joint_names` or `name` of texts names the members of vectors of its length:
@@ -14,8 +16,9 @@ and `null`, is missing.
 import json
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeGuard
 
 import pandas as pd
 
@@ -47,7 +50,8 @@ def read_json(path: Path, episode: int | None = None) -> pd.DataFrame:
         LogError: Not JSON, none of the forms, a name twice in one mapping, columns of different lengths, or no such
             episode.
     """
-    document = _by_joint(_parsed(_text(path), path))
+    text = _text(path)
+    document = _by_joint(_listed(_lines(text, path) if _has_lines(text) else _parsed(text, path)))
     table = _table_of(document, Source(path, episode))
     if units := _units(document):
         own = {str(name): units.get(str(name), units.get(str(name).rpartition("/")[2], "")) for name in table.columns}
@@ -95,6 +99,18 @@ OF_JOINTS = ("joints", "motors", "servos", "actuators", "axes", "drives", "dofs"
 """Keys of lists of joints; the entries of other lists, such as episodes, may have names too."""
 
 
+def _listed(value: Any) -> Any:
+    """Nested values, with lists in place of mappings from row numbers, and records of `columns` and `data`."""
+    if not isinstance(value, dict):
+        return value
+    if value and list(value) == [str(number) for number in range(len(value))]:
+        return [_listed(inner) for inner in value.values()]
+    names, rows = value.get("columns"), value.get("data")
+    if _are_names(names) and isinstance(rows, list) and all(isinstance(r, list) and len(r) == len(names) for r in rows):
+        return [dict(zip(names, row, strict=True)) for row in rows]
+    return {name: _listed(inner) for name, inner in value.items()}
+
+
 def _by_joint(value: Any) -> Any:
     """Nested values, where a list of joints that each have a name of their own is a mapping of these names.
 
@@ -124,7 +140,7 @@ def _joints(document: Any) -> list[str]:
     return next(named, [])
 
 
-def _are_names(values: Any) -> bool:
+def _are_names(values: Any) -> TypeGuard[list[str]]:
     return (
         isinstance(values, list) and all(isinstance(each, str) for each in values) and len(set(values)) == len(values)
     )
@@ -150,13 +166,28 @@ def _of_episodes(records: Sequence[dict[str, Any]], period: float | None, source
 
 
 def read_json_lines(path: Path) -> pd.DataFrame:
-    """A table of a .jsonl file: one record a line; empty lines are skipped.
+    """A table of a .jsonl file: one record a line; empty lines are skipped, and a last one that is cut off.
 
     Raises:
         LogError: A line that is not a JSON mapping: names the line.
     """
-    lines = enumerate(_text(path).splitlines(), start=1)
-    return _of_records([_parsed(line, path, number) for number, line in lines if line.strip()], path)
+    text = _text(path).rstrip()
+    whole, _, last = text.rpartition("\n")
+    cut = bool(whole) and last.startswith("{") and not last.endswith("}")
+    table = _of_records(_lines(whole if cut else text, path), path)
+    table.attrs["notes"] = ["The last line is cut off and was left out."] if cut else []
+    return table
+
+
+def _lines(text: str, path: Path) -> list[Any]:
+    lines = enumerate(text.splitlines(), start=1)
+    return [_parsed(line, path, number) for number, line in lines if line.strip()]
+
+
+def _has_lines(text: str) -> bool:
+    """Whether the first two lines that are not empty are a mapping each, as in a .jsonl file."""
+    lines = [line.strip() for line in islice(text.strip().splitlines(), 2)]
+    return len(lines) == 2 and all(line.startswith("{") and line.endswith("}") for line in lines)
 
 
 def _text(path: Path) -> str:
@@ -196,8 +227,13 @@ def _of_records(records: Sequence[Any], path: Path, joints: Sequence[str] = ()) 
     for number, record in enumerate(records, start=1):
         if not isinstance(record, dict):
             raise LogError(f"{path}: row {number} is {_kind(record)}; expected a mapping {{name: value}} a sample")
-        rows.append(dict(_values("", _by_joint(record), joints)))
+        rows.append(sample(record, joints))
     return pd.DataFrame.from_records(rows)
+
+
+def sample(record: Mapping[str, Any], joints: Sequence[str] = ()) -> dict[str, Any]:
+    """The plain values of one sample by name; `joints` name the members of vectors of their number."""
+    return dict(_values("", _by_joint(record), joints))
 
 
 def _values(prefix: str, value: Any, joints: Sequence[str]) -> Iterator[tuple[str, Any]]:
@@ -216,13 +252,16 @@ def _values(prefix: str, value: Any, joints: Sequence[str]) -> Iterator[tuple[st
 
 def _of_columns(document: Mapping[str, Any], path: Path) -> pd.DataFrame:
     columns: dict[str, list[Any]] = {}
-    joints = _joints(document)
-    for name, values in _lists(document).items():
+    joints, lists = _joints(document), _lists(document)
+    rows = len(lists.get(time_among(lists) or "", ()))
+    for name, values in lists.items():
         if values is joints:
             continue
         if not any(isinstance(value, list | dict) for value in values):
             columns[name] = values
             continue
+        if len(values) != rows and all(isinstance(each, list) and len(each) == rows for each in values):
+            values = [list(row) for row in zip(*values, strict=True)]  # a row for each joint
         width = len(values[0]) if isinstance(values[0], list) else 0
         for row, value in enumerate(values, start=1):
             if isinstance(value, dict) or (len(value) if isinstance(value, list) else 0) != width:

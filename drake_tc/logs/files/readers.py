@@ -16,7 +16,7 @@ import pyarrow.parquet  # type: ignore[import-untyped]
 from drake_tc.config.files import check_size, is_file, is_folder, utf8_text
 from drake_tc.config.quoted import quoted
 from drake_tc.errors import LogError
-from drake_tc.logs.checks.clock import stated_period, with_times, with_whole_stamps
+from drake_tc.logs.checks.clock import stated_period, with_counters_unwrapped, with_times, with_whole_stamps
 from drake_tc.logs.files.array_files import read_array, read_arrays, read_mat
 from drake_tc.logs.files.bag import SUFFIXES, is_bag, read_bag
 from drake_tc.logs.files.csv_file import read_csv, refuse_repeated, with_texts
@@ -31,6 +31,7 @@ from drake_tc.logs.files.episodes import (
     without_lists,
 )
 from drake_tc.logs.files.json_log import read_json, read_json_lines
+from drake_tc.logs.files.mcap_messages import is_without_ros, read_messages
 from drake_tc.logs.files.table_forms import (
     with_channels_apart,
     with_common_times,
@@ -322,11 +323,15 @@ def read_table(path: Path | str | LogTable, needed: Collection[str] = ()) -> pd.
         source = source_of(Path(path))
         where, table = source.path, _table_of(source, needed)
     if len(table) == 0:
-        raise LogError(f"{where}: no rows; record at least a few seconds of motion")
+        told = "".join(f" ({note})" for note in table.attrs.get("notes", ()))
+        raise LogError(
+            f"{where}: no rows{told}; record at least a few seconds of motion, as columns or arrays of numbers"
+        )
     names = [str(name).strip() for name in table.columns]
     refuse_repeated(where, names)
     table.columns = pd.Index(names)
-    return with_channels_apart(with_whole_stamps(with_named_vectors(with_dates(table))))
+    table = with_counters_unwrapped(with_whole_stamps(with_named_vectors(with_dates(table))))
+    return with_channels_apart(table)
 
 
 def _table_of(source: Source, needed: Collection[str]) -> pd.DataFrame:
@@ -348,11 +353,14 @@ def _table_of(source: Source, needed: Collection[str]) -> pd.DataFrame:
     suffix = _suffix(path)
     if not suffix:
         ending = "".join(path.suffixes[-2:]) or "no ending"
-        raise LogError(f"{path}: unknown kind of log file ({ending}); readable: {', '.join(sorted(READERS))}")
+        raise LogError(
+            f"{path}: unknown kind of log file ({ending}); write its columns as CSV or its arrays with numpy.savez;"
+            f" readable: {', '.join(sorted(READERS))}"
+        )
     read = READERS[suffix]
     with _refused(path, suffix):
         if read is read_bag:
-            return read_bag(path, needed)
+            return read_messages(path) if is_without_ros(path) else read_bag(path, needed)
         if read in OF_EPISODES and episode is not None:
             return OF_EPISODES[read](path, episode)
         return with_episodes_apart(read(path), source)

@@ -20,6 +20,8 @@ from drake_tc.logs.record import MIN_ROWS
 from drake_tc.logs.units import is_unit
 
 UNITS = ("units", "unit")
+MISSING = re.compile(r"[+-]?(nan(\(\w*\))?|\d\.#\w+|#?n/?a|null|none|missing|-*|\?)", re.IGNORECASE)
+"""What programs write in place of a number that they do not have."""
 
 
 def with_index(table: pd.DataFrame) -> pd.DataFrame:
@@ -239,16 +241,17 @@ def _is_owner(name: str, values: pd.Series) -> bool:
 
 VECTOR = re.compile(r"\s*(?:array\(\s*(?:'d',)?\s*)?[\[(]([^\[\]()]*)[\])][^\[\]()]*\)?\s*")
 """A list, a tuple or an array as Python or NumPy print them."""
+OF_NUMPY = re.compile(r"np\.\w+\(([^()]*)\)")
+"""A number in such a list, as NumPy 2 prints it."""
 NUMBERED_NAME = re.compile(r"(.*?)[_.\[]?(\d+)\]?")
 
 
 def with_named_vectors(table: pd.DataFrame) -> pd.DataFrame:
     """The table with a column for each member of a vector, called by its joint where the table names them."""
-    texts = [name for name in table.columns if pd.api.types.is_string_dtype(table[name]) and table[name].notna().all()]
+    texts = {name: first for name in table.columns if (first := _first_text(table[name]))}
     joints: dict[str, list[str]] = {}  # by what stands before `name` in the name of the column
     parts, taken = dict[str, pd.Series](), set[str]()
-    for name in texts:
-        first = str(table[name].iloc[0])
+    for name, first in texts.items():
         found = VECTOR.fullmatch(first)
         if found is None:
             continue
@@ -303,13 +306,25 @@ def _named(name: str, joints: dict[str, list[str]]) -> str:
     return name if told is None or told.joint else f"{own[int(found[2])]}/{quantity}"
 
 
+def _first_text(cells: pd.Series) -> str:
+    """The first cell that is not missing, if it is a text; else an empty one."""
+    if pd.api.types.is_numeric_dtype(cells) or pd.api.types.is_datetime64_any_dtype(cells):
+        return ""
+    known = (cell for cell in cells if isinstance(cell, str) and not MISSING.fullmatch(cell.strip()))
+    return OF_NUMPY.sub(r"\1", next(known, ""))
+
+
 def _numbers(cells: pd.Series) -> np.ndarray | None:
-    """(T, n) numbers of vectors as texts; None where a cell is none, or of another length."""
-    inside = cells.astype("string").str.extract(f"^{VECTOR.pattern}$", expand=False)
+    """(T, n) numbers of vectors as texts, NaN where a cell is missing; None where one is no vector, or of another n."""
+    texts = cells.astype("string").str.replace(OF_NUMPY, r"\1", regex=True)
+    known = ~(texts.isna() | texts.str.fullmatch(MISSING)).to_numpy(bool)
+    inside = texts[known].str.extract(f"^{VECTOR.pattern}$", expand=False)
     rows = inside.str.replace(",", " ").str.split()
     if rows.isna().any() or rows.map(len).nunique() != 1:
         return None
+    values = np.full((len(cells), len(rows.iloc[0])), np.nan)
     try:
-        return np.array(rows.tolist(), dtype=np.float64)
+        values[known] = rows.tolist()
     except ValueError:
         return None
+    return values
