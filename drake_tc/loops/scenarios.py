@@ -10,11 +10,12 @@ The parts of a scenario, each one mapping in its YAML file: gains, filters, moti
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
+from drake_tc.actuation.model import ActuatorModel
 from drake_tc.config.quoted import did_you_mean, quoted
 from drake_tc.config.records import check_choices, read_record
 from drake_tc.config.yaml_file import merged, parse_yaml, read_yaml
@@ -89,6 +90,10 @@ class ScenarioBase:
 
     SCHEMA: ClassVar[str] = ""
     """What `drake-tc schema` calls its file."""
+    seed: int
+    """Of all random numbers."""
+    duration: float
+    """Simulated time [s]."""
 
     @classmethod
     def load(cls, path: Path, name: str, text: str | None = None) -> Self:
@@ -382,6 +387,34 @@ class ObjectSpec:
             raise ParamsError(f"object: size: expected positive lengths [m], got {self.size}")
         if not 0.0 <= self.friction < math.inf:
             raise ParamsError(f"object: friction: expected a number >= 0, got {self.friction}")
+
+
+def erring(
+    models: Iterable[ActuatorModel], factors: Mapping[str, float], where: str = "model_factors"
+) -> list[ActuatorModel]:
+    """What a controller takes drives for: their models with errors, on purpose.
+
+    Args:
+        models: The simulated drives.
+        factors: `gain` or an effect, to a factor on all its parameters.
+        where: Place of the factors in the scenario.
+
+    Raises:
+        ParamsError: a factor for what no drive has.
+    """
+    drives = list(models)
+    known = ["gain", *dict.fromkeys(value.key for model in drives for value in model.effects)]
+    if strange := [name for name in factors if name not in known]:
+        raise ParamsError(f"{where}: no {strange[0]!r} in the models; there: {', '.join(known)}")
+    out = []
+    for model in drives:
+        drive = replace(model.drive, gain=model.drive.gain * factors.get("gain", 1.0))
+        effects = [
+            replace(value, parameters={k: factors.get(value.key, 1.0) * v for k, v in value.parameters.items()})
+            for value in model.effects
+        ]
+        out.append(replace(model, drive=drive, effects=tuple(effects)))
+    return out
 
 
 def _finite(*numbers: float) -> bool:

@@ -15,7 +15,7 @@ from drake_tc.actuation.recorded_run import Link
 from drake_tc.config.records import check_choices
 from drake_tc.control.series_elastic import SeriesElasticSpec
 from drake_tc.errors import ParamsError
-from drake_tc.loops.scenarios import ScenarioBase, check_run
+from drake_tc.loops.scenarios import ScenarioBase, check_run, erring
 from drake_tc.sensing.spec import MOST_TICKS, SensorSpec
 
 
@@ -166,11 +166,6 @@ class SeaScenario(ScenarioBase, SeriesElasticLoopSpec):
         SeriesElasticLoopSpec.__post_init__(self)
         check_run(self, ("duration",))
 
-    @property
-    def plant_step(self) -> float:
-        """Step of the link [s]: that of the control."""
-        return self.dt
-
     def actuator(self) -> ActuatorModel:
         """The simulated motor, gear and spring.
 
@@ -188,19 +183,9 @@ class SeaScenario(ScenarioBase, SeriesElasticLoopSpec):
         Raises:
             ParamsError: as `actuator`; or a factor for what the model does not have.
         """
-        model = self.actuator()
-        factors = {key: factor for key, factor in self.model_factors.items() if self.effects.get(key, True)}
-        drive = replace(model.drive, gain=model.drive.gain * factors.pop("gain", 1.0))
-        effects = []
-        for value in model.effects:
-            factor = factors.pop(value.key, 1.0)
-            effects.append(replace(value, parameters={k: factor * v for k, v in value.parameters.items()}))
-        if factors:
-            known = ", ".join(["gain", *(value.key for value in model.effects)])
-            raise ParamsError(
-                f"model_factors: no {next(iter(factors))!r} in the model of {self.joint!r}; there: {known}"
-            )
-        return replace(model, drive=drive, effects=tuple(effects))
+        removed = {key for key, parameters in self.effects.items() if not parameters}
+        factors = {key: factor for key, factor in self.model_factors.items() if key not in removed}
+        return erring([self.actuator()], factors)[0]
 
 
 def spring_compliance(model: ActuatorModel) -> float:

@@ -22,7 +22,7 @@ import numpy as np
 from pydrake.systems.framework import OutputPort
 from pydrake.systems.primitives import ConstantVectorSource, Demultiplexer
 
-from drake_tc.actuation.model import ActuatorModel, EffectValue
+from drake_tc.actuation.model import ActuatorModel
 from drake_tc.actuation.model_file import ModelFile, models_of_joints
 from drake_tc.actuation.wiring import sliding
 from drake_tc.control.dynamics_terms import BaseRotation
@@ -36,7 +36,7 @@ from drake_tc.estimation.joint_torque import JointTorqueEstimator, WrenchTare
 from drake_tc.estimation.torque_model import BaseSource, TorqueModel
 from drake_tc.filtering.savitzky_golay import SavitzkyGolayFilter
 from drake_tc.loops.loop_builder import LoopBuilder, first_imu, picked, product, total
-from drake_tc.loops.scenarios import ModelFactors
+from drake_tc.loops.scenarios import ModelFactors, erring
 from drake_tc.loops.torque.references import posture
 from drake_tc.loops.torque.scenario import Scenario, TorqueLoopSpec, base_source, loop_spec, sensor_suite
 from drake_tc.robot.link_changes import link_changes
@@ -381,23 +381,12 @@ def actuator_models(scenario: Scenario, robot: Robot, *, controller: bool = Fals
     if path is None:
         raise ParamsError(f"{robot.source}: expected `actuators`, here or in the scenario, got neither")
     chosen = models_of_joints(path, robot.joints)
-    return (
-        {joint: _mistaken(model, scenario.model_factors) for joint, model in chosen.items()} if controller else chosen
-    )
-
-
-def _mistaken(model: ActuatorModel, factors: ModelFactors) -> ActuatorModel:
-    """A drive's model with K_tau and K_v = K_tau x viscous multiplied."""
-    if factors == ModelFactors():
-        return model
-
-    def scaled(value: EffectValue) -> EffectValue:
-        if value.key != "viscous":
-            return value
-        return EffectValue("viscous", {"viscous": value.parameters["viscous"] * factors.k_v / factors.k_tau})
-
-    drive = replace(model.drive, gain=model.drive.gain * factors.k_tau)
-    return replace(model, drive=drive, effects=tuple(scaled(value) for value in model.effects))
+    if not controller:
+        return chosen
+    factors = scenario.model_factors
+    has_friction = any(value.key == "viscous" for model in chosen.values() for value in model.effects)
+    viscous = {"viscous": factors.k_v / factors.k_tau} if has_friction else {}
+    return dict(zip(chosen, erring(chosen.values(), {"gain": factors.k_tau, **viscous}), strict=True))
 
 
 def torque_gains(scenario: Scenario, robot: Robot) -> TorqueGains:

@@ -37,16 +37,8 @@ from drake_tc.loops.built_loop import ControlledJoints, Controller, Watched, Wir
 from drake_tc.loops.plant import require_fitting_plant
 from drake_tc.loops.torque.default_gains import torque_design, warn_of_weak_joints
 from drake_tc.loops.torque.references import check_range, references, table_source
-from drake_tc.loops.torque.scenario import Scenario, TorqueLoopSpec, loop_spec, sensor_suite
-from drake_tc.loops.torque.stages import (
-    LoopDesign,
-    TorqueLoopBuilder,
-    actuator_models,
-    loop_robot,
-    servo_command,
-    torque_command,
-    torque_gains,
-)
+from drake_tc.loops.torque.scenario import Scenario, TorqueLoopSpec, sensor_suite
+from drake_tc.loops.torque.stages import LoopDesign, TorqueLoopBuilder, servo_command, torque_command
 from drake_tc.robot.plant import joint_limits
 from drake_tc.robot.robot import Robot
 from drake_tc.sensing.suite import Readings, SensorSuite, add_sensors
@@ -361,13 +353,7 @@ def scenario_controller(scenario: Scenario) -> Controller:
     Raises:
         ParamsError: a file that cannot be read, or names that do not fit.
     """
-    robot = loop_robot(scenario, controller=True)
-    path = references(scenario, robot)
-    return torque_controller(
-        robot,
-        actuator_models(scenario, robot, controller=True),
-        table_source(path.time, path.motion),
-        loop_spec(scenario),
-        gains=torque_gains(scenario, robot),
-        fused=True,
-    )
+    design = LoopDesign.of_scenario(scenario)
+    path = references(scenario, design.robot)
+    motion = table_source(path.time, path.motion)
+    return torque_controller(design.robot, design.models, motion, design.spec, gains=design.gains, fused=True)

@@ -7,7 +7,7 @@ With a `position_gain` position_control around the motors' own encoders takes th
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -25,6 +25,7 @@ from drake_tc.estimation.link_position import LinkPosition, spring_times
 from drake_tc.loops.built_loop import Start
 from drake_tc.loops.fused import StageValues
 from drake_tc.loops.loop_builder import late, picked, product, total
+from drake_tc.loops.scenarios import erring
 from drake_tc.loops.whole_body.scenario import TsidScenario
 from drake_tc.loops.whole_body.sensors import WholeBodyBuilder, required_models
 from drake_tc.robot.robot import Robot
@@ -91,32 +92,6 @@ def check_springs(models: Mapping[str, ActuatorModel], source: str = "models") -
             raise ParamsError(
                 f"{source}: {joint}: expected a voltage drive and an elasticity; the model lacks one of them"
             )
-
-
-def controller_models_of(models: Mapping[str, ActuatorModel], factors: Mapping[str, float]) -> list[ActuatorModel]:
-    """What the controller takes the drives for.
-
-    Args:
-        models: The simulated drives.
-        factors: `gain` or an effect, to a factor on all its parameters.
-
-    Raises:
-        ParamsError: a factor for what no drive has.
-    """
-    known = {"gain", *(value.key for model in models.values() for value in model.effects)}
-    if strange := sorted(set(factors) - known):
-        raise ParamsError(
-            f"series_elastic.model_factors: no {strange[0]!r} in the models; there: {', '.join(sorted(known))}"
-        )
-    found = []
-    for model in models.values():
-        drive = replace(model.drive, gain=model.drive.gain * factors.get("gain", 1.0))
-        effects = [
-            replace(value, parameters={k: factors.get(value.key, 1.0) * v for k, v in value.parameters.items()})
-            for value in model.effects
-        ]
-        found.append(replace(model, drive=drive, effects=tuple(effects)))
-    return found
 
 
 def add_spring_drives(wiring: WholeBodyBuilder, plant: MultibodyPlant) -> tuple[ActuatorPlant, SpringReadings]:
@@ -232,7 +207,8 @@ def drive_springs(wiring: WholeBodyBuilder, actuators: ActuatorPlant, command: S
 
 def _assumed(wiring: WholeBodyBuilder) -> list[ActuatorModel]:
     """What the controller takes the drives for."""
-    return controller_models_of(required_models(wiring, "models"), wiring.scenario.series_elastic.model_factors)
+    factors = wiring.scenario.series_elastic.model_factors
+    return erring(required_models(wiring, "models").values(), factors, "series_elastic.model_factors")
 
 
 def _track_torque(wiring: WholeBodyBuilder, springs: SpringReadings, torque: OutputPort) -> OutputPort:
