@@ -33,7 +33,7 @@ from pydantic import BeforeValidator, WithJsonSchema
 
 from drake_tc.config.keys import FileName, Keys, Name, Names, Number, Triple, key, saying
 from drake_tc.config.quoted import quoted
-from drake_tc.config.records import Unbounded, check_choices, record_keys, unbounded_fields, validated
+from drake_tc.config.records import Checked, Unbounded, record_keys, unbounded_fields, validated
 from drake_tc.config.yaml_file import read_yaml
 from drake_tc.errors import ParamsError, RigError
 from drake_tc.robot.document import PoseKeys
@@ -116,7 +116,7 @@ def half_planes(where: str, corners: tuple[Point2, ...]) -> tuple[np.ndarray, np
 
 
 @dataclass(frozen=True)
-class BaseEstimatorSpec:
+class BaseEstimatorSpec(Checked):
     """Contacts and tuning; SI units.
 
     Times say how long a source is trusted before the contacts overrule it: a larger one filters more.
@@ -193,7 +193,7 @@ class BaseEstimatorSpec:
         names = [contact.mount.name for contact in self.contacts]
         if len(set(names)) < len(names):
             raise ParamsError(f"expected contacts of different names, got {names}")
-        check_choices(self)
+        super().__post_init__()
         if not 0.0 <= self.imu_age < np.inf:
             raise ParamsError(f"imu_age: expected a time >= 0 [s], got {self.imu_age!r}")
         for item in fields(self):

@@ -10,7 +10,7 @@ from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
-from drake_tc.config.records import check_choices
+from drake_tc.config.records import Checked
 from drake_tc.errors import ParamsError
 from drake_tc.types import FloatArray
 
@@ -143,7 +143,7 @@ _FAULT_TOLERANCE = 1e-6
 
 
 @dataclass(frozen=True)
-class SensorFault:
+class SensorFault(Checked):
     """What fails, when, on which channels. Active at the ticks n with start <= n dt < start + duration.
 
     Attributes:
@@ -174,7 +174,7 @@ class SensorFault:
     chance: float = SPIKE_CHANCE
 
     def __post_init__(self) -> None:
-        check_choices(self)
+        super().__post_init__()
         if not math.isfinite(self.start):
             raise ParamsError(f"start: expected a time [s], got {self.start!r}")
         if not self.duration > 0.0:
