@@ -189,7 +189,7 @@ class Checked:
             value = getattr(self, name)
             if isinstance(possible, Range):
                 if not possible.holds(value):
-                    unit = re.search(r" \[[^\]]+\]", _meanings(kind).get(name, ""))
+                    unit = re.search(r" \[(?!-\])[^\]]+\]", _meanings(kind).get(name, ""))
                     raise ParamsError(f"{name}: expected {possible.words}{unit[0] if unit else ''}, got {value!r}")
             elif value not in possible:
                 names = [str(each) for each in possible]
