@@ -25,7 +25,7 @@ from drake_tc.control.series_elastic import SeriesElasticControl
 from drake_tc.errors import SimulationError
 from drake_tc.loops.built_loop import BuiltLoop
 from drake_tc.loops.joint_bench import JOINT, make_plant
-from drake_tc.loops.loop_builder import LoopBuilder, product, split, total
+from drake_tc.loops.loop_builder import LoopBuilder, behind, product, split, total
 from drake_tc.loops.recording import Progress, Recording, write_log, write_rig
 from drake_tc.loops.series_elastic.scenario import HandSpec, ReferenceSpec, SeaScenario, spring_compliance
 from drake_tc.loops.series_elastic.wiring import add_series_elastic_loop
@@ -108,8 +108,7 @@ def _add_reference(loop: LoopBuilder[SeaScenario], control: SeriesElasticControl
     spec = scenario.reference
     path = reference_path(spec, scenario.duration, scenario.dt)
     positions = spec.of == "position"
-    source = builder.AddNamedSystem("reference", TrajectorySource(path, 2 if positions else 0))
-    torque: OutputPort = source.get_output_port()
+    torque = behind(builder, "reference", TrajectorySource(path, 2 if positions else 0))
     if positions:
         loop.signals["reference_motion"] = torque
         place, acceleration = split(builder, "reference_parts", torque, [2, 1])
@@ -129,10 +128,7 @@ def _known(loop: LoopBuilder[SeaScenario]) -> OutputPort:
     readings = loop.join("link_readings", [loop.signals["motor_encoder"], loop.signals["torque_sensor"]])
     of_last: Any = np.array([[0.0, 0.0], [-SHARE / dt, 1.0 - SHARE]])
     of_now: Any = np.outer([1.0, SHARE / dt], [1.0, -compliance])
-    system = loop.builder.AddNamedSystem("link_state", LinearSystem(of_last, of_now, of_last, of_now, dt))
-    loop.builder.Connect(readings, system.get_input_port())
-    port: OutputPort = system.get_output_port()
-    return port
+    return behind(loop.builder, "link_state", LinearSystem(of_last, of_now, of_last, of_now, dt), readings)
 
 
 def _carried(loop: LoopBuilder[SeaScenario], path: PiecewisePolynomial) -> OutputPort:
@@ -142,9 +138,7 @@ def _carried(loop: LoopBuilder[SeaScenario], path: PiecewisePolynomial) -> Outpu
     orders: list[Any] = [path, path.derivative(2)]
     angle, acceleration = (each.vector_values(time)[0] for each in orders)
     torque = link.inertia * acceleration + link.gravity_moment * np.sin(angle)
-    source = loop.builder.AddNamedSystem("carried_torque", table_source(time, torque[:, None]))
-    port: OutputPort = source.get_output_port()
-    return port
+    return behind(loop.builder, "carried_torque", table_source(time, torque[:, None]))
 
 
 def _pulled(
@@ -158,8 +152,8 @@ def _pulled(
 def _add_hand(loop: LoopBuilder[SeaScenario], plant: MultibodyPlant, spec: HandSpec) -> OutputPort:
     """The hand on the link; its torque is a force from outside."""
     path = hand_path(spec, loop.scenario.duration, loop.scenario.dt)
-    motion = loop.builder.AddNamedSystem("hand_motion", TrajectorySource(path))
-    torque = _pulled(loop, "hand", spec, motion.get_output_port(), plant.get_state_output_port())
+    motion = behind(loop.builder, "hand_motion", TrajectorySource(path))
+    torque = _pulled(loop, "hand", spec, motion, plant.get_state_output_port())
     loop.builder.Connect(torque, plant.get_applied_generalized_force_input_port())
     return torque
 

@@ -22,6 +22,7 @@ from drake_tc.estimation.off_line import OffLineFilter, SensorLog, TorqueLog, es
 from drake_tc.estimation.torque_model import TorqueModel
 from drake_tc.logs.rig import COMMAND_COLUMN
 from drake_tc.loops.built_loop import BuiltLoop
+from drake_tc.loops.loop_builder import behind
 from drake_tc.loops.plant import add_objects, add_pushes, add_robot_plant, add_suspension, check_masses, set_masses
 from drake_tc.loops.recording import Progress, Recording, write_log, write_rig
 from drake_tc.loops.torque.references import References, posture, references, table_source
@@ -84,10 +85,10 @@ def build_loop(scenario: Scenario, *, meshcat: bool = False, fused: bool = False
     plant = add_robot_plant(builder, robot, scenario.plant_step, collisions=touch, meshcat=meshcat, prepare=surround)
     check_masses(plant, robot, scenario.masses)
     add_pushes(builder, plant, scenario.pushes)
-    source = builder.AddNamedSystem("reference", table_source(path.time, path.motion))
+    source = behind(builder, "reference", table_source(path.time, path.motion))
     forces = _force_reference(builder, scenario, robot, path)
     asked = bool(scenario.force) or bool(design.gains.kf.any()) or scenario.log_components
-    desired = Desired(source.get_output_port(), forces if asked else None)
+    desired = Desired(source, forces if asked else None)
     loop = wire_torque_loop(builder, plant, design, desired)
     left_out = {"joint_estimate", "unknown_wrench", "fault", *(() if scenario.log_truth else ("joint_torque",))}
     if forces is not None:
@@ -108,9 +109,7 @@ def _force_reference(builder: DiagramBuilder, scenario: Scenario, robot: Robot, 
     """The forces that the scenario asks for; None without F/T sensors or without a torque loop."""
     if scenario.controller == "servo" or not robot.force_torque:
         return None
-    source = builder.AddNamedSystem("force_reference", table_source(path.time, path.force))
-    port: OutputPort = source.get_output_port()
-    return port
+    return behind(builder, "force_reference", table_source(path.time, path.force))
 
 
 IMU_AXES = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")

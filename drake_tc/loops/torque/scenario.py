@@ -129,11 +129,7 @@ def sensor_suite(spec: TorqueLoopSpec) -> SensorSuiteSpec:
     Raises:
         ParamsError: an unknown preset or field.
     """
-    if isinstance(spec.sensors, SensorSuiteSpec):
-        suite = spec.sensors
-    else:
-        entry = {"preset": spec.sensors} if isinstance(spec.sensors, str) else spec.sensors
-        suite = load_suite("sensors", entry)
+    suite = load_suite("sensors", spec.sensors)
     if spec.torque_from == "sensor" and suite.joint_torque.latency == 0.0:
         suite = replace(suite, joint_torque=replace(suite.joint_torque, latency=spec.dt))
     return suite

@@ -20,7 +20,7 @@ from drake_tc.control.gains import TorqueGains
 from drake_tc.control.guard import CommandGuard, GuardSpec
 from drake_tc.control.torque_control import TorqueControl
 from drake_tc.errors import ParamsError
-from drake_tc.loops.loop_builder import product
+from drake_tc.loops.loop_builder import behind, product
 from drake_tc.loops.scenarios import SEEDS
 from drake_tc.loops.whole_body.scenario import TsidScenario
 from drake_tc.loops.whole_body.sensors import WholeBodyBuilder, estimated_torque, required_models
@@ -67,7 +67,7 @@ def control_drives(wiring: WholeBodyBuilder, readings: Readings, torque: OutputP
     encoder = readings.encoder
     known = estimated_torque(wiring, readings)
     nothing: Any = np.zeros(6 * n)
-    terms = wiring.builder.AddNamedSystem("no_terms", ConstantVectorSource(nothing)).get_output_port()
+    terms = behind(wiring.builder, "no_terms", ConstantVectorSource(nothing))
     gains = TorqueGains(np.full(n, spec.kp), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros((0, 0)))
     inputs: Mapping[str, OutputPort] = {
         "desired_torque": torque,

@@ -21,6 +21,7 @@ from drake_tc.actuation.joint_effects import Models
 from drake_tc.errors import ParamsError, SimulationError
 from drake_tc.loops.built_loop import BuiltLoop, Start
 from drake_tc.loops.fused import StageValues, fused_stages
+from drake_tc.loops.loop_builder import behind
 from drake_tc.loops.plant import add_pushes, add_robot_plant, check_masses, set_masses
 from drake_tc.loops.recording import Progress, Recording, write_log
 from drake_tc.loops.whole_body.drives import drive_models, known_drives
@@ -155,8 +156,7 @@ def _contacts(builder: DiagramBuilder, scenario: TsidScenario, law: Law) -> Outp
     if not scenario.lifted:
         return None
     switch = contact_source(law.model.contacts, scenario.lifted, scenario.duration, law.period)
-    contacts: OutputPort = builder.AddNamedSystem("contacts", switch).get_output_port()
-    return contacts
+    return behind(builder, "contacts", switch)
 
 
 def _law(scenario: TsidScenario) -> Law:

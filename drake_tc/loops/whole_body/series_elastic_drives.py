@@ -24,7 +24,7 @@ from drake_tc.errors import ParamsError
 from drake_tc.estimation.link_position import LinkPosition, spring_times
 from drake_tc.loops.built_loop import Start
 from drake_tc.loops.fused import StageValues
-from drake_tc.loops.loop_builder import late, picked, product, total
+from drake_tc.loops.loop_builder import behind, late, picked, product, total
 from drake_tc.loops.scenarios import erring
 from drake_tc.loops.whole_body.scenario import TsidScenario
 from drake_tc.loops.whole_body.sensors import WholeBodyBuilder, required_models
@@ -259,10 +259,7 @@ def _desired_acceleration(wiring: WholeBodyBuilder, bandwidth: float) -> OutputP
     b: Any = share * one
     c: Any = one
     d: Any = 0.0 * one
-    smooth: Any = builder.AddNamedSystem("smooth_acceleration", LinearSystem(a, b, c, d, law.period))
-    builder.Connect(desired, smooth.get_input_port())
-    port: OutputPort = smooth.get_output_port()
-    return port
+    return behind(builder, "smooth_acceleration", LinearSystem(a, b, c, d, law.period), desired)
 
 
 def _wind(actuators: ActuatorPlant, values: StageValues, torque: FloatArray, voltage: FloatArray) -> None:
