@@ -24,6 +24,7 @@ from drake_tc.loops.loop_builder import behind, product
 from drake_tc.loops.scenarios import SEEDS
 from drake_tc.loops.whole_body.scenario import TsidScenario
 from drake_tc.loops.whole_body.sensors import WholeBodyBuilder, estimated_torque, required_models
+from drake_tc.loops.whole_body.series_elastic_drives import check_springs
 from drake_tc.robot.plant import joint_limits
 from drake_tc.robot.robot import Robot
 from drake_tc.sensing.suite import Readings
@@ -32,23 +33,30 @@ from drake_tc.types import FloatArray
 
 
 def known_drives(scenario: TsidScenario) -> Path | None:
-    """The model file that the scenario names for the controller; None: that of the robot file."""
+    """The model file that the scenario names for the controller of geared drives; None: that of the robot file."""
     spec = scenario.drives
     named = (spec.model or spec.actuators) if scenario.torque == "drives" else None
     return None if named is None else scenario.path(named)
 
 
-def drive_models(scenario: TsidScenario, robot: Robot, *, controller: bool = False) -> dict[str, ActuatorModel]:
-    """The simulated drives, or those that the torque control compensates, joint by joint.
+def drive_models(scenario: TsidScenario, robot: Robot, *, controller: bool = False) -> dict[str, ActuatorModel] | None:
+    """The simulated drives, or those that the torque control compensates, by joint; None where torques act directly.
 
     Raises:
-        ParamsError: no model file at all, or one that lacks a joint.
+        ParamsError: no model file at all, or one that lacks a joint, or a spring with `torque: series_elastic`.
     """
-    named = known_drives(scenario) if controller else scenario.drives.actuators
-    path = robot.actuators if named is None else scenario.path(str(named))
+    if scenario.torque == "direct":
+        return None
+    named = (scenario.drives if scenario.torque == "drives" else scenario.series_elastic).actuators
+    path = robot.actuators if named is None else scenario.path(named)
+    path = (known_drives(scenario) or path) if controller else path
     if path is None:
-        raise ParamsError(f"{robot.source}: expected `actuators`, here or in the scenario's drives, got neither")
-    return models_of_joints(path, robot.joints)
+        where = "drives" if scenario.torque == "drives" else "series_elastic"
+        raise ParamsError(f"{robot.source}: expected `actuators`, here or in the scenario's {where}, got neither")
+    models = models_of_joints(path, robot.joints)
+    if scenario.torque == "series_elastic":
+        check_springs(models, str(path))
+    return models
 
 
 def control_drives(wiring: WholeBodyBuilder, readings: Readings, torque: OutputPort, state: OutputPort) -> OutputPort:

@@ -16,7 +16,6 @@ from pydrake.systems.framework import OutputPort
 from pydrake.systems.primitives import ConstantVectorSource, LinearSystem
 
 from drake_tc.actuation.model import ActuatorModel
-from drake_tc.actuation.model_file import models_of_joints
 from drake_tc.actuation.plant import ActuatorPlant
 from drake_tc.actuation.wiring import add_actuators, joint_inertias
 from drake_tc.control.series_elastic import MotorPositionControl, SeriesElasticControl
@@ -26,9 +25,7 @@ from drake_tc.loops.built_loop import Start
 from drake_tc.loops.fused import StageValues
 from drake_tc.loops.loop_builder import behind, late, picked, product, total
 from drake_tc.loops.scenarios import erring
-from drake_tc.loops.whole_body.scenario import TsidScenario
 from drake_tc.loops.whole_body.sensors import WholeBodyBuilder, required_models
-from drake_tc.robot.robot import Robot
 from drake_tc.sensing.sensor import Sensor
 from drake_tc.sensing.suite import sensor_seed
 from drake_tc.types import FloatArray
@@ -62,23 +59,6 @@ class SpringCommand:
     voltage: OutputPort
     torque: OutputPort
     held: Any = None
-
-
-def spring_models(scenario: TsidScenario, robot: Robot) -> dict[str, ActuatorModel]:
-    """The simulated drives, joint by joint.
-
-    Raises:
-        ParamsError: no model file, or one that lacks a joint.
-    """
-    named = scenario.series_elastic.actuators
-    path = robot.actuators if named is None else scenario.path(named)
-    if path is None:
-        raise ParamsError(
-            f"{robot.source}: expected `actuators`, here or in the scenario's series_elastic, got neither"
-        )
-    models: dict[str, ActuatorModel] = models_of_joints(path, robot.joints)
-    check_springs(models, str(path))
-    return models
 
 
 def check_springs(models: Mapping[str, ActuatorModel], source: str = "models") -> None:
