@@ -10,6 +10,7 @@ import math
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, Field, dataclass, fields, is_dataclass
+from numbers import Real
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
@@ -96,10 +97,6 @@ def _text(error: Mapping[str, Any]) -> str:
 
 Record = TypeVar("Record")
 
-Unbounded = Annotated[float, "infinity is a value"]
-"""Type of a dataclass's field that may be infinite; others may not, unless infinity is their default."""
-
-
 _KINDS: dict[type[Keys], type[Any]] = {}
 """Model to its dataclass."""
 _MODELS: dict[tuple[type[Any], tuple[str, ...]], type[Keys]] = {}
@@ -132,15 +129,9 @@ def read_record(
         raise ParamsError(message(source, within, str(found))) from None
 
 
-def unbounded_fields(kind: type[Any]) -> tuple[str, ...]:
-    """Fields of a dataclass that may be infinite."""
-    hints = get_type_hints(kind, include_extras=True)
-    return tuple(field.name for field in fields(kind) if hints[field.name] == Unbounded or _is_infinite(field))
-
-
 @dataclass(frozen=True)
 class Range:
-    """What the number of a field may be, or each number of a tuple: `Annotated[float, Range(...)]`. All are finite.
+    """What the number of a field may be, or each number of a tuple: `Annotated[float, Range(...)]`.
 
     Attributes:
         words: What is expected, for the message.
@@ -148,6 +139,7 @@ class Range:
         upper: Largest value.
         above: Whether the least value is none itself.
         whole: Whether numbers are whole.
+        infinite: Whether infinity is a value too.
         size: Of a tuple; None: any.
     """
 
@@ -156,19 +148,23 @@ class Range:
     upper: float = math.inf
     above: bool = False
     whole: bool = False
+    infinite: bool = False
     size: int | None = None
 
     def holds(self, value: Any) -> bool:
         """Whether a value, or a tuple, is possible; None stands for no value."""
         numbers = value if isinstance(value, tuple) else () if value is None else (value,)
+        if not all(isinstance(x, Real) for x in numbers):
+            return False
         fits = value is None or self.size is None or len(numbers) == self.size
         fits = fits and not (self.whole and any(isinstance(x, bool) or not isinstance(x, int) for x in numbers))
         least = all(self.lower < x if self.above else self.lower <= x for x in numbers)
-        return fits and least and all(math.isfinite(x) and x <= self.upper for x in numbers)
+        return fits and least and all((self.infinite or math.isfinite(x)) and x <= self.upper for x in numbers)
 
 
 Finite = Annotated[float, Range("a finite number")]
 Positive = Annotated[float, Range("a positive number", 0.0, above=True)]
+Unbounded = Annotated[float, Range("a positive number", 0.0, above=True, infinite=True)]
 FromZero = Annotated[float, Range("a number >= 0", 0.0)]
 Three = Annotated[tuple[float, ...], Range("three finite numbers", size=3)]
 ThreeFromZero = Annotated[tuple[float, ...], Range("three finite numbers, none negative", 0.0, size=3)]
