@@ -10,7 +10,7 @@ import math
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, Field, dataclass, fields, is_dataclass
-from numbers import Real
+from numbers import Integral, Real
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
@@ -157,7 +157,7 @@ class Range:
         if not all(isinstance(x, Real) for x in numbers):
             return False
         fits = value is None or self.size is None or len(numbers) == self.size
-        fits = fits and not (self.whole and any(isinstance(x, bool) or not isinstance(x, int) for x in numbers))
+        fits = fits and not (self.whole and any(isinstance(x, bool) or not isinstance(x, Integral) for x in numbers))
         least = all(self.lower < x if self.above else self.lower <= x for x in numbers)
         return fits and least and all((self.infinite or math.isfinite(x)) and x <= self.upper for x in numbers)
 

@@ -349,7 +349,7 @@ def erring(
         ParamsError: a factor for what no drive has.
     """
     drives = list(models)
-    known = ["gain", *dict.fromkeys(value.key for model in drives for value in model.effects)]
+    known = sorted({"gain", *(value.key for model in drives for value in model.effects)})
     if strange := [name for name in factors if name not in known]:
         raise ParamsError(f"{where}: no {strange[0]!r} in the models; there: {', '.join(known)}")
     out = []

@@ -78,7 +78,7 @@ class MonitorSpec(Checked):
 
     encoder_frozen: Unbounded = 0.02
     encoder_stuck: Unbounded = 0.04
-    moving: Positive = 0.05
+    moving: Unbounded = 0.05
     imu_frozen: Unbounded = 0.01
     wrench_frozen: Unbounded = 0.01
     encoder_jump: Unbounded = 1e-3
@@ -89,8 +89,8 @@ class MonitorSpec(Checked):
     force_jump: Unbounded = 100.0
     moment_jump: Unbounded = 20.0
     wrench_jump_lasts: bool = True
-    still_gyro: Positive = 0.05
-    still_accel: Positive = 0.5
+    still_gyro: Unbounded = 0.05
+    still_accel: Unbounded = 0.5
     unexpected_force: Unbounded = 10.0
     unexpected_moment: Unbounded = 2.0
     torque: Unbounded = 0.25
