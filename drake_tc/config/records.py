@@ -8,7 +8,7 @@ From pydantic's report to one line: file, key, what was expected, what came, the
 
 import math
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import MISSING, Field, dataclass, fields, is_dataclass
 from numbers import Integral, Real
 from types import NoneType, UnionType
@@ -153,7 +153,7 @@ class Range:
 
     def holds(self, value: Any) -> bool:
         """Whether a value, or a tuple, is possible; None stands for no value."""
-        numbers = value if isinstance(value, tuple) else () if value is None else (value,)
+        numbers = tuple(value) if isinstance(value, Iterable) else () if value is None else (value,)
         if not all(isinstance(x, Real) for x in numbers):
             return False
         fits = value is None or self.size is None or len(numbers) == self.size
