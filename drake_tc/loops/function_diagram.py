@@ -144,22 +144,20 @@ def function_entry(name: str, function: Callable[..., Diagram | tuple[Diagram, T
         load,
         build,
         simulate,
-        rebuild=rebuild if _takes(function, "spec", "gains") else None,
+        rebuild=rebuild if {"spec", "gains"} <= set(_parameters(function)) else None,
     )
 
 
-def _takes(function: Callable[..., Any], *names: str) -> bool:
+def _parameters(function: Callable[..., Any]) -> Mapping[str, Parameter]:
+    """By name; none of a built-in function that does not tell them."""
     try:
-        return set(names) <= set(signature(function).parameters)
+        return signature(function).parameters
     except (TypeError, ValueError):
-        return False
+        return {}
 
 
 def _check_no_arguments(name: str, function: Callable[..., Any]) -> None:
-    try:
-        parameters = signature(function).parameters.values()
-    except (TypeError, ValueError):  # a built-in one that does not tell
-        return
+    parameters = _parameters(function).values()
     optional = (Parameter.VAR_POSITIONAL, Parameter.VAR_KEYWORD)
     required = [each.name for each in parameters if each.default is Parameter.empty and each.kind not in optional]
     if required:
