@@ -42,21 +42,6 @@ def scenario_names(path: Path) -> list[str]:
     return list(read_mapping(path))
 
 
-def read_scenario(path: Path, name: str, text: str | None = None) -> dict[str, Any]:
-    """The fields of the scenario `name` of a file, with the fields in `text` (YAML) changed.
-
-    Args:
-        path: Scenario file.
-        name: Scenario.
-        text: YAML mapping of fields to change, like `{duration: 3.0, gains: {k6: 0.25}}`.
-
-    Raises:
-        ParamsError: no such file or scenario, or text that is no mapping.
-    """
-    document = _extended(path, read_mapping(path), name, ())
-    return document if text is None else merged(document, changes_in(text))
-
-
 def changes_in(text: str) -> dict[str, Any]:
     """The fields in a YAML text.
 
@@ -125,7 +110,8 @@ class ScenarioBase(Checked):
         """
         kind: Any = cls
         folder = {"source": str(path.parent)} if any(field.name == "source" for field in fields(kind)) else {}
-        document = read_scenario(path, name, text)
+        document = _extended(path, read_mapping(path), name, ())
+        document = document if text is None else merged(document, changes_in(text))
         return read_record(cls, document, str(path), more=folder, within=name)
 
     def changed(self, **changes: Any) -> Self:

@@ -269,25 +269,19 @@ def write_sea(
 ) -> list[Path]:
     """Write `log.ENDING` and `rig.yaml`, which `close-loop` and `identify` read.
 
-    The position is the motor's: what passes the gear turns with it, and the spring is behind the torque sensor.
+    The position is the motor's: what passes the gear turns with it, and the spring is behind the torque sensor. The
+    voltage is what reached the motor: as sent, `delay` later, and 0 before that.
 
     Raises:
         LogError: a file that cannot be written.
     """
-    joint = recording.scenario.joint
+    joint, ticks = recording.scenario.joint, round(recording.scenario.delay / recording.scenario.dt)
     columns = {
         "time": recording.time,
         f"{joint}/position": recording["motor_encoder"],
-        f"{joint}/voltage": felt_voltage(recording),
+        f"{joint}/voltage": np.concatenate([np.zeros(ticks), recording["voltage"]])[: recording.time.size],
         f"{joint}/torque": recording["torque_sensor"],
     }
     inertia = recording.scenario.controller_actuator().inertia
     rig = {"joints": [joint], "drive": "voltage", "load": "torque", "declared": {joint: {"rotor_inertia": inertia}}}
     return [write_log(columns, folder / f"log.{ending}"), write_rig(rig, folder / "rig.yaml")]
-
-
-def felt_voltage(recording: SeaRecording) -> FloatArray:
-    """(T,) what reached the motor: as sent, `delay` later, and 0 before that [V]."""
-    ticks = round(recording.scenario.delay / recording.scenario.dt)
-    sent = recording["voltage"]
-    return np.concatenate([np.zeros(ticks), sent])[: sent.size]

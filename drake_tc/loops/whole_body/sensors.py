@@ -188,20 +188,10 @@ def estimator_spec(wiring: WholeBodyBuilder) -> BaseEstimatorSpec:
         loads = options.make * weight, options.break_ * weight
         contacts.append(ContactSpec(contact.frame, sole, sensor, *loads, soft, points))
     try:
-        return replace(BaseEstimatorSpec(tuple(contacts), law.period, imu_age(scenario, law.period)), **options.tuning)
+        age = sensor_specs(scenario, law.period).gyro.latency  # of the readings at a tick
+        return replace(BaseEstimatorSpec(tuple(contacts), law.period, age), **options.tuning)
     except TypeError as error:
         raise ParamsError(f"estimator.tuning: {error}") from None
-
-
-def imu_age(scenario: WholeBodySpec, period: float) -> float:
-    """How old the IMU's readings are at a tick [s].
-
-    Args:
-        scenario: Whose sensors they are.
-        period: Of the controller [s].
-    """
-    latency: float = sensor_specs(scenario, period).gyro.latency
-    return latency
 
 
 def sensor_of(robot: Robot, contact: Contact) -> int:
