@@ -14,11 +14,12 @@ command, from the runs at all gains; any gain then gives the model of a position
 
 import math
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
+from drake_tc.config.records import Checked, Range
 from drake_tc.effects.base import Signals, TransmissionEffect, plain_signals
 from drake_tc.effects.unknown_load import PENDULUM, SLIDER, UnknownLoadEffect
 from drake_tc.errors import ParamsError
@@ -88,7 +89,7 @@ def _scaled(value: EffectValue, gain: float) -> EffectValue:
 
 
 @dataclass(frozen=True)
-class Link:
+class Link(Checked):
     """What the joint carries.
 
     Attributes:
@@ -97,22 +98,9 @@ class Link:
         zero: Position at which it hangs [rad].
     """
 
-    inertia: float
-    gravity_moment: float = 0.0
-    zero: float = 0.0
-
-    def __post_init__(self) -> None:
-        """Check the values.
-
-        Raises:
-            ParamsError: an inertia that is not positive, a moment below zero, or what is not finite.
-        """
-        if not SMALLEST_INERTIA <= self.inertia <= LARGEST:
-            raise ParamsError(f"inertia: expected a number from {SMALLEST_INERTIA:g} [kg m^2], got {self.inertia!r}")
-        if not 0.0 <= self.gravity_moment <= LARGEST:
-            raise ParamsError(f"gravity_moment: expected a number >= 0 [N m], got {self.gravity_moment!r}")
-        if not abs(self.zero) <= LARGEST:
-            raise ParamsError(f"zero: expected an angle [rad], got {self.zero!r}")
+    inertia: Annotated[float, Range(f"a number from {SMALLEST_INERTIA:g}", SMALLEST_INERTIA, LARGEST)]
+    gravity_moment: Annotated[float, Range("a number >= 0", 0.0, LARGEST)] = 0.0
+    zero: Annotated[float, Range("an angle", -LARGEST, LARGEST)] = 0.0
 
 
 @dataclass(frozen=True)

@@ -25,6 +25,7 @@ from pydrake.systems.analysis import InitializeParams, Simulator
 from pydrake.systems.framework import Context, Diagram
 
 from drake_tc.analysis.state_coordinates import cut_at, output_named
+from drake_tc.config.records import Checked, FromZero, Positive
 from drake_tc.control.stability_margins import ComplexArray
 from drake_tc.errors import ParamsError, SimulationError
 from drake_tc.types import BoolArray, FloatArray
@@ -92,7 +93,7 @@ class Channel:
 
 
 @dataclass(frozen=True)
-class Sweep:
+class Sweep(Checked):
     """How a response is measured.
 
     Attributes:
@@ -106,18 +107,14 @@ class Sweep:
     """
 
     frequencies_hz: tuple[float, ...]
-    amplitude: float = 1.0
-    settle: float = 0.5
-    measure: float = 1.0
+    amplitude: Positive = 1.0
+    settle: FromZero = 0.5
+    measure: Positive = 1.0
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if not self.frequencies_hz or not all(np.isfinite(f) and f > 0.0 for f in self.frequencies_hz):
-            raise ParamsError(f"sweep: expected positive frequencies [Hz], got {self.frequencies_hz!r}")
-        for name in ("amplitude", "measure"):
-            if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
-                raise ParamsError(f"sweep.{name}: expected a positive number, got {getattr(self, name)!r}")
-        if not 0.0 <= self.settle < np.inf:
-            raise ParamsError(f"sweep.settle: expected a time >= 0 [s], got {self.settle!r}")
+            raise ParamsError(f"frequencies_hz: expected positive frequencies [Hz], got {self.frequencies_hz!r}")
 
     def check(self, dt: float) -> None:
         """Refuse what cannot be sampled every dt [s].

@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from drake_tc.experiments.design.criteria import Expected
     from drake_tc.experiments.design.request import DesignRequest
     from drake_tc.experiments.design.run import DesignOptions, JointDesign
-    from drake_tc.experiments.rehearsal.run import Rehearsal
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -264,7 +263,15 @@ def rehearse_command(options: RehearsalOptions) -> None:
     and the effects that were named in its place.
     """
     from drake_tc.analysis.sweep import processes
-    from drake_tc.experiments.rehearsal.run import FILES, parse_effect, rehearsal_json, rehearsal_page, rehearse
+    from drake_tc.experiments.rehearsal.run import (
+        FILES,
+        parse_effect,
+        power_table,
+        rehearsal_json,
+        rehearsal_page,
+        rehearse,
+        summary,
+    )
     from drake_tc.experiments.rehearsal.twin import twin_of
     from drake_tc.logs.prepare import load_runs
     from drake_tc.logs.rig import load_rig
@@ -296,7 +303,9 @@ def rehearse_command(options: RehearsalOptions) -> None:
     if options.as_json:
         print(json.dumps(rehearsal_json(found), indent=1))
     else:
-        print_rehearsal(found)
+        table = power_table(found)
+        print(summary(found))
+        print_wide(table.headings, table.rows, left=table.headings[-1:])
         print(out / FILES[0])
 
 
@@ -306,22 +315,3 @@ def _joint(joints: tuple[str, ...], asked: str | None) -> str:
     if asked not in joints:
         raise ParamsError(f"--joint: expected one of {', '.join(joints)}, got {asked or 'none'}")
     return str(asked)
-
-
-def print_rehearsal(found: "Rehearsal") -> None:
-    """The power curve as a table."""
-    from drake_tc.experiments.rehearsal.run import summary
-
-    print(summary(found))
-    rows = [
-        (
-            f"{p.size:.3g}",
-            f"{p.found} of {p.trials}",
-            f"{100.0 * p.interval[0]:.0f} to {100.0 * p.interval[1]:.0f} %",
-            str(p.alone),
-            ", ".join(f"{name} ({count})" for name, count in p.others.items()),
-        )
-        for p in found.points
-    ]
-    headings = (f"{found.size.name} [{found.size.unit}]", "found", "95 % interval", "alone", "named instead")
-    print_wide(headings, rows, left=("named instead",))

@@ -8,8 +8,9 @@ From pydantic's report to one line: file, key, what was expected, what came, the
 
 import math
 import re
-from collections.abc import Callable, Mapping
-from dataclasses import MISSING, Field, fields, is_dataclass
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import MISSING, Field, dataclass, fields, is_dataclass
+from numbers import Integral, Real
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
@@ -96,10 +97,6 @@ def _text(error: Mapping[str, Any]) -> str:
 
 Record = TypeVar("Record")
 
-Unbounded = Annotated[float, "infinity is a value"]
-"""Type of a dataclass's field that may be infinite; others may not, unless infinity is their default."""
-
-
 _KINDS: dict[type[Keys], type[Any]] = {}
 """Model to its dataclass."""
 _MODELS: dict[tuple[type[Any], tuple[str, ...]], type[Keys]] = {}
@@ -132,27 +129,89 @@ def read_record(
         raise ParamsError(message(source, within, str(found))) from None
 
 
-def unbounded_fields(kind: type[Any]) -> tuple[str, ...]:
-    """Fields of a dataclass that may be infinite."""
-    hints = get_type_hints(kind, include_extras=True)
-    return tuple(field.name for field in fields(kind) if hints[field.name] == Unbounded or _is_infinite(field))
+@dataclass(frozen=True)
+class Range:
+    """What the number of a field may be, or each number of a tuple: `Annotated[float, Range(...)]`.
+
+    Attributes:
+        words: What is expected, for the message.
+        lower: Least value.
+        upper: Largest value.
+        above: Whether the least value is none itself.
+        whole: Whether numbers are whole.
+        infinite: Whether infinity is a value too.
+        size: Of a tuple; None: any.
+    """
+
+    words: str
+    lower: float = -math.inf
+    upper: float = math.inf
+    above: bool = False
+    whole: bool = False
+    infinite: bool = False
+    size: int | None = None
+
+    def holds(self, value: Any) -> bool:
+        """Whether a value, or a tuple, is possible; None stands for no value."""
+        numbers = tuple(value) if isinstance(value, Iterable) else () if value is None else (value,)
+        if not all(isinstance(x, Real) for x in numbers):
+            return False
+        fits = value is None or self.size is None or len(numbers) == self.size
+        fits = fits and not (self.whole and any(isinstance(x, bool) or not isinstance(x, Integral) for x in numbers))
+        least = all(self.lower < x if self.above else self.lower <= x for x in numbers)
+        return fits and least and all((self.infinite or math.isfinite(x)) and x <= self.upper for x in numbers)
 
 
-def check_choices(record: Any) -> None:
-    """For the `__post_init__` of a dataclass: its fields of choice are among their `Literal`s.
+Finite = Annotated[float, Range("a finite number")]
+Positive = Annotated[float, Range("a positive number", 0.0, above=True)]
+Unbounded = Annotated[float, Range("a positive number", 0.0, above=True, infinite=True)]
+FromZero = Annotated[float, Range("a number >= 0", 0.0)]
+Three = Annotated[tuple[float, ...], Range("three finite numbers", size=3)]
+ThreeFromZero = Annotated[tuple[float, ...], Range("three finite numbers, none negative", 0.0, size=3)]
+ThreePositive = Annotated[tuple[float, ...], Range("three positive numbers", 0.0, above=True, size=3)]
+Six = Annotated[tuple[float, ...], Range("six finite numbers", size=6)]
+
+
+class Checked:
+    """Base of a frozen dataclass whose fields of choice are among their `Literal`s, and numbers within their `Range`s.
 
     Raises:
-        ParamsError: One is not; names the field.
+        ParamsError: One is not; names the field and its unit.
     """
-    for name, possible in _choices(type(record)).items():
-        value = getattr(record, name)
-        if value not in possible:
-            hint = did_you_mean(value, possible) if isinstance(value, str) else ""
-            raise ParamsError(f"{name}: expected one of {', '.join(possible)}, got {quoted(value)}{hint}")
+
+    def __post_init__(self) -> None:
+        kind: type[Any] = type(self)
+        for name, possible in _checks(kind).items():
+            value = getattr(self, name)
+            if isinstance(possible, Range):
+                if not possible.holds(value):
+                    unit = re.search(r" \[(?!-\])[^\]]+\]", _meanings(kind).get(name, ""))
+                    raise ParamsError(f"{name}: expected {possible.words}{unit[0] if unit else ''}, got {value!r}")
+            elif value not in possible:
+                names = [str(each) for each in possible]
+                hint = did_you_mean(value, names) if isinstance(value, str) else ""
+                raise ParamsError(f"{name}: expected one of {', '.join(names)}, got {quoted(value)}{hint}")
 
 
-def _choices(kind: type[Any]) -> dict[str, tuple[str, ...]]:
-    return {name: get_args(hint) for name, hint in get_type_hints(kind).items() if get_origin(hint) is Literal}
+def _checks(kind: type[Any]) -> dict[str, tuple[str | None, ...] | Range]:
+    """Field to what it may be: names, or a range."""
+    found: dict[str, tuple[str | None, ...] | Range] = {}
+    hints = get_type_hints(kind, include_extras=True)
+    for name, hint in ((field.name, hints[field.name]) for field in fields(kind)):
+        for part in get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,):
+            if get_origin(part) is Literal:
+                found[name] = get_args(part) if part is hint else (*get_args(part), None)
+            elif get_origin(part) is Annotated and isinstance(get_args(part)[1], Range):
+                found[name] = get_args(part)[1]
+    return found
+
+
+def _meanings(kind: type[Any]) -> dict[str, str]:
+    """Field to its text in the docstrings of a dataclass and its bases."""
+    found: dict[str, str] = {}
+    for base in reversed(kind.__mro__):
+        found |= attributes_of(base) if is_dataclass(base) else {}
+    return found
 
 
 def record_keys(kind: type[Any], *without: str) -> type[Keys]:
@@ -164,9 +223,7 @@ def record_keys(kind: type[Any], *without: str) -> type[Keys]:
 
 def _keys_of(kind: type[Any], without: tuple[str, ...]) -> type[Keys]:
     hints = get_type_hints(kind, include_extras=True)
-    meanings: dict[str, str] = {}
-    for base in reversed(kind.__mro__):
-        meanings |= attributes_of(base) if is_dataclass(base) else {}
+    meanings = _meanings(kind)
     keys: Any = {
         field.name: (_annotation(hints[field.name], field), _key(field, meanings.get(field.name, "")))
         for field in sorted(fields(kind), key=_has_default)
@@ -247,6 +304,8 @@ def _type(hint: Any, number: Any) -> Any:
         return UnboundedNumber
     if hint in _WORDS:
         return _WORDS[hint]
+    if origin is Annotated:
+        return _type(arguments[0], number)
     if origin is Literal:
         return Annotated[hint, one_of(tuple(map(str, arguments)))]
     if origin in (Union, UnionType):

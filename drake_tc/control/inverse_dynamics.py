@@ -11,7 +11,7 @@ from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, LeafSystem, NumericParameterIndex, ValueProducer
 
 from drake_tc.array_stage import Arrays, ArrayStage, PortMethods, places
-from drake_tc.config.records import check_choices
+from drake_tc.config.records import Checked
 from drake_tc.control.dynamics_terms import BaseRotation, DynamicsTerms, FloatingTerms
 from drake_tc.control.gains import TorqueGains
 from drake_tc.errors import ParamsError
@@ -47,7 +47,7 @@ class _Given(NamedTuple):
 
 
 @dataclass(frozen=True)
-class MotionSources:
+class MotionSources(Checked):
     """Where the inverse dynamics takes the robot's motion from.
 
     Attributes:
@@ -66,9 +66,6 @@ class MotionSources:
     configuration: Literal["estimate", "reference"] = "estimate"
     position_error: Literal["estimate", "encoder"] = "estimate"
     angular_acceleration: BaseRotation = "gyro"
-
-    def __post_init__(self) -> None:
-        check_choices(self)
 
 
 class InverseDynamics(PortMethods, LeafSystem):

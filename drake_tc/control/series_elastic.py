@@ -37,16 +37,16 @@ Source: Faraji et al., 2015, section II.B.
 `MotorPositionControl`: motors before their springs, held by their own encoders under voltage.
 """
 
-import math
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
 from drake_tc.actuation.joint_effects import Models, model_list
 from drake_tc.array_stage import Arrays, ArrayStage, PortMethods, StageSystem, places
+from drake_tc.config.records import Checked, FromZero, Positive, Range
 from drake_tc.errors import ParamsError
 from drake_tc.kernels.calls import SPRING_LAW, Kernel, KernelCall, copying
 from drake_tc.types import Call, FloatArray
@@ -59,7 +59,7 @@ WITH_P: tuple[Mode, ...] = ("observer", "last_step_friction", "feedforward_p", "
 
 
 @dataclass(frozen=True)
-class SeriesElasticSpec:
+class SeriesElasticSpec(Checked):
     """One torque law (Faraji et al., 2015, section II.B); the same interface for the paper's and for those it is
     compared with.
 
@@ -88,30 +88,21 @@ class SeriesElasticSpec:
     """
 
     mode: Mode = "observer"
-    kp: float = 0.3
-    ki: float = 0.0
-    leak: float = 0.98
-    step: float = 0.005
-    momentum_gain: float = 30.0
-    delay: float = 0.015
-    horizon: float = 0.0
-    spring_time: float = 0.0
-    reference_window: float = 0.01
-    speed_step: float = 0.004
-    speed_bandwidth: float = 20.0
-    friction_speed: float = 0.01
+    kp: FromZero = 0.3
+    ki: FromZero = 0.0
+    leak: Annotated[float, Range("a factor from 0 to 1", 0.0, 1.0)] = 0.98
+    step: Positive = 0.005
+    momentum_gain: Positive = 30.0
+    delay: FromZero = 0.015
+    horizon: FromZero = 0.0
+    spring_time: FromZero = 0.0
+    reference_window: FromZero = 0.01
+    speed_step: Positive = 0.004
+    speed_bandwidth: Positive = 20.0
+    friction_speed: Positive = 0.01
 
     def __post_init__(self) -> None:
-        if self.mode not in get_args(Mode):
-            raise ParamsError(f"control.mode: expected one of {', '.join(get_args(Mode))}, got {self.mode!r}")
-        for name in ("step", "momentum_gain", "speed_step", "speed_bandwidth", "friction_speed"):
-            if not (math.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
-                raise ParamsError(f"control.{name}: expected a positive number, got {getattr(self, name)!r}")
-        for name in ("kp", "ki", "delay", "horizon", "reference_window", "spring_time"):
-            if not (math.isfinite(getattr(self, name)) and getattr(self, name) >= 0.0):
-                raise ParamsError(f"control.{name}: expected a number >= 0, got {getattr(self, name)!r}")
-        if not 0.0 <= self.leak <= 1.0:
-            raise ParamsError(f"control.leak: expected a factor from 0 to 1, got {self.leak!r}")
+        super().__post_init__()
         if self.horizon > 0.0 and self.reference_window == 0.0:
             raise ParamsError("control.horizon: expected a reference_window > 0 to extrapolate from")
 

@@ -24,7 +24,7 @@ start: {position: [0, 0, 0.6], yaw: 0.0}   # optional; else the truth's first sa
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeAlias
 
@@ -33,7 +33,7 @@ from pydantic import BeforeValidator, WithJsonSchema
 
 from drake_tc.config.keys import FileName, Keys, Name, Names, Number, Triple, key, saying
 from drake_tc.config.quoted import quoted
-from drake_tc.config.records import Unbounded, check_choices, record_keys, unbounded_fields, validated
+from drake_tc.config.records import Checked, FromZero, Positive, Unbounded, record_keys, validated
 from drake_tc.config.yaml_file import read_yaml
 from drake_tc.errors import ParamsError, RigError
 from drake_tc.robot.document import PoseKeys
@@ -116,7 +116,7 @@ def half_planes(where: str, corners: tuple[Point2, ...]) -> tuple[np.ndarray, np
 
 
 @dataclass(frozen=True)
-class BaseEstimatorSpec:
+class BaseEstimatorSpec(Checked):
     """Contacts and tuning; SI units.
 
     Times say how long a source is trusted before the contacts overrule it: a larger one filters more.
@@ -156,30 +156,30 @@ class BaseEstimatorSpec:
     """
 
     contacts: tuple[ContactSpec, ...]
-    period: float
-    imu_age: float = 0.0
+    period: Positive
+    imu_age: FromZero = 0.0
     ground: Ground = "unknown"
     reference: Reference = "rolling"
-    velocity_time: float = 0.02
-    contact_velocity: float = 0.02
-    cop_moment: float = 0.5
-    position_time: float = 0.01
+    velocity_time: Positive = 0.02
+    contact_velocity: Positive = 0.02
+    cop_moment: Positive = 0.5
+    position_time: Positive = 0.01
     yaw_time: Unbounded = 0.5
     yaw_bias_time: Unbounded = 5.0
     bias_time: Unbounded = 5.0
     tilt_time: Unbounded = 3.0
     sole_time: Unbounded = 1.0
-    still_rate: float = 0.05
+    still_rate: Positive = 0.05
     anchor_time: Unbounded = 20.0
     slip_speed: Unbounded = 0.05
     slip_distance: Unbounded = 0.01
     slip_turn: Unbounded = 0.02
-    slip_time: float = 0.02
-    slip_hold: float = 0.05
-    tilted: float = 0.03
+    slip_time: Positive = 0.02
+    slip_hold: Positive = 0.05
+    tilted: Positive = 0.03
     force_offset: Unbounded = 8.0
-    yaw_drift: float = 0.008
-    encoder_spike: float = 0.05
+    yaw_drift: Positive = 0.008
+    encoder_spike: Positive = 0.05
     quick_start: bool = False
 
     def __post_init__(self) -> None:
@@ -193,16 +193,7 @@ class BaseEstimatorSpec:
         names = [contact.mount.name for contact in self.contacts]
         if len(set(names)) < len(names):
             raise ParamsError(f"expected contacts of different names, got {names}")
-        check_choices(self)
-        if not 0.0 <= self.imu_age < np.inf:
-            raise ParamsError(f"imu_age: expected a time >= 0 [s], got {self.imu_age!r}")
-        for item in fields(self):
-            if item.name in ("contacts", "ground", "reference", "imu_age", "quick_start"):
-                continue
-            value = getattr(self, item.name)
-            good = isinstance(value, (int, float)) and value > 0.0
-            if not (good and (np.isfinite(value) or item.name in unbounded_fields(BaseEstimatorSpec))):
-                raise ParamsError(f"{item.name}: expected a positive number, got {value!r}")
+        super().__post_init__()
 
 
 _SOLE_SCHEMA = WithJsonSchema({"type": "array", "minItems": 3})

@@ -59,6 +59,7 @@ import numpy as np
 from drake_tc.actuation.joint_effects import Models, model_list
 from drake_tc.actuation.model import split_parts
 from drake_tc.array_stage import Arrays, ArrayStage, StageSystem, places
+from drake_tc.config.records import Checked, FromZero, Positive
 from drake_tc.errors import ParamsError
 from drake_tc.estimation.torque_model import as_slice
 from drake_tc.kernels.calls import copying
@@ -131,7 +132,7 @@ LARGEST = 1e9
 
 
 @dataclass(frozen=True)
-class ObserverSpec:
+class ObserverSpec(Checked):
     """What the observer is set to.
 
     Attributes:
@@ -149,19 +150,10 @@ class ObserverSpec:
         ParamsError: a number that is not possible.
     """
 
-    bandwidth: float = 250.0
-    limit: float = 1.5
+    bandwidth: Positive = 250.0
+    limit: Positive = 1.5
     torque: Literal["live", "filtered"] = "live"
-    delay: float | None = None
-
-    def __post_init__(self) -> None:
-        for name in ("bandwidth", "limit"):
-            if not (math.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
-                raise ParamsError(f"observer.{name}: expected a positive number, got {getattr(self, name)!r}")
-        if self.torque not in ("filtered", "live"):
-            raise ParamsError(f"observer.torque: expected one of live, filtered, got {self.torque!r}")
-        if self.delay is not None and not (math.isfinite(self.delay) and self.delay >= 0.0):
-            raise ParamsError(f"observer.delay: expected a time >= 0 [s], got {self.delay!r}")
+    delay: FromZero | None = None
 
 
 def observer_gains(bandwidth: float, dt: float) -> tuple[float, float, float]:
@@ -312,7 +304,7 @@ class DisturbanceObserver(StageSystem):
 
 
 @dataclass(frozen=True)
-class PredictorSpec:
+class PredictorSpec(Checked):
     """What the predictor is set to.
 
     Attributes:
@@ -322,11 +314,7 @@ class PredictorSpec:
         ParamsError: not a positive number.
     """
 
-    bandwidth: float = 100.0
-
-    def __post_init__(self) -> None:
-        if not (math.isfinite(self.bandwidth) and self.bandwidth > 0.0):
-            raise ParamsError(f"predictor.bandwidth: expected a positive number [rad/s], got {self.bandwidth!r}")
+    bandwidth: Positive = 100.0
 
 
 class DelayPredictor(StageSystem):

@@ -33,6 +33,10 @@ class Size:
     in_shape: bool = False
     falling: bool = False
 
+    def text(self, value: float, digits: int = 3) -> str:
+        """A value of it with its unit."""
+        return f"{value:.{digits}g} {self.unit}".removesuffix(" -")
+
 
 def size_name(effect: Effect) -> tuple[str, str]:
     """Name and unit of the number that tells how strong an effect is."""

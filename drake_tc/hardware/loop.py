@@ -15,6 +15,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from drake_tc.config.records import Checked, FromZero
 from drake_tc.control.guard import GuardLaw, GuardMode, GuardSpec
 from drake_tc.errors import ParamsError
 from drake_tc.hardware.link import (
@@ -130,7 +131,7 @@ KEPT = 1 << 20
 
 
 @dataclass(frozen=True)
-class RealTimeSpec:
+class RealTimeSpec(Checked):
     """How a controller runs against wall-clock time.
 
     Attributes:
@@ -154,18 +155,13 @@ class RealTimeSpec:
     """
 
     guard: GuardSpec | None = None
-    max_age: float = 5e-3
-    arm_time: float = 0.1
-    patience: float = 10.0
-    stop_time: float = 1.0
-    spin: float = 0.0
+    max_age: FromZero = 5e-3
+    arm_time: FromZero = 0.1
+    patience: FromZero = 10.0
+    stop_time: FromZero = 1.0
+    spin: FromZero = 0.0
     priority: int = 0
     dry: bool = False
-
-    def __post_init__(self) -> None:
-        for name in ("max_age", "arm_time", "patience", "stop_time", "spin"):
-            if not 0.0 <= getattr(self, name) < np.inf:
-                raise ParamsError(f"{name}: expected a time >= 0 [s], got {getattr(self, name)!r}")
 
 
 @dataclass

@@ -9,7 +9,7 @@ and `fuse` can replace the stages.
 import time
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Any, Generic, TypeVar
 
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.analysis import Simulator
@@ -20,24 +20,10 @@ from drake_tc.actuation.model import ActuatorModel
 from drake_tc.errors import ParamsError
 from drake_tc.loops.fused.fuse import StageValues, fuse
 from drake_tc.loops.recording import Progress, Recording, SignalLog, add_log, advance
+from drake_tc.loops.scenarios import ScenarioBase
 from drake_tc.types import FloatArray
 
-
-class TimedScenario(Protocol):
-    """What a run needs of a scenario."""
-
-    @property
-    def duration(self) -> float:
-        """Simulated time [s]."""
-        ...
-
-    @property
-    def plant_step(self) -> float:
-        """Step of the plant [s]."""
-        ...
-
-
-ScenarioT = TypeVar("ScenarioT", bound=TimedScenario)
+ScenarioT = TypeVar("ScenarioT", bound=ScenarioBase)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -71,12 +57,12 @@ class BuiltLoop(Generic[ScenarioT]):
         Raises:
             SimulationError: see `advance`; what is raised while watching is passed on.
         """
-        simulator, scenario = Simulator(self.diagram), self.scenario
+        simulator, step = Simulator(self.diagram), self.plant.time_step()
         context = simulator.get_mutable_context()
         self.start(context)
         goes_on = watch(context)
         begin = time.perf_counter()
-        advance(simulator, scenario.duration, goes_on, plant_step=scenario.plant_step, progress=progress)
+        advance(simulator, self.scenario.duration, goes_on, plant_step=step, progress=progress)
         seconds = time.perf_counter() - begin
         times, signals = self.log.recorded(context)
         return Recording(time=times, signals=signals, seconds=seconds, flag_names=self.flag_names)

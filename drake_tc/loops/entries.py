@@ -7,13 +7,13 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Generic, Literal, Protocol, TypeVar
+from typing import Generic, Literal, Protocol, TypeVar
 
 from pydrake.systems.framework import Context, Diagram
 
 from drake_tc.errors import ParamsError
 from drake_tc.loops.recording import Progress
-from drake_tc.loops.scenarios import scenario_names
+from drake_tc.loops.scenarios import ScenarioBase, scenario_names
 from drake_tc.loops.series_elastic.loop import SeaLoop, build_sea
 from drake_tc.loops.series_elastic.scenario import SeaScenario, sliding_sea
 from drake_tc.loops.simulated import Simulated, simulate_sea_loop, simulate_torque_loop, simulate_tsid_loop
@@ -25,24 +25,6 @@ from drake_tc.loops.whole_body.scenario import TsidScenario
 
 Kind = Literal["torque", "whole_body", "series_elastic", "function"]
 """Loops of the library: the torque loop, robust TSID, one series-elastic joint; and a diagram of the user's own."""
-
-
-class AnyScenario(Protocol):
-    """What commands change of a scenario."""
-
-    @property
-    def seed(self) -> int:
-        """Of all random numbers."""
-        ...
-
-    @property
-    def duration(self) -> float:
-        """Simulated time [s]."""
-        ...
-
-    def changed(self, **fields: Any) -> Any:
-        """The same with other values; those that are None stay."""
-        ...
 
 
 class AnyLoop(Protocol):
@@ -63,7 +45,7 @@ class AnyLoop(Protocol):
         ...
 
 
-ScenarioT = TypeVar("ScenarioT", bound=AnyScenario)
+ScenarioT = TypeVar("ScenarioT", bound=ScenarioBase)
 LoopT = TypeVar("LoopT", bound=AnyLoop)
 
 

@@ -16,7 +16,7 @@ from pydrake.systems.framework import Context, Diagram, System
 from pydrake.systems.primitives import VectorLogSink
 
 from drake_tc.actuation.wiring import actuated_joints
-from drake_tc.config.records import read_record
+from drake_tc.config.records import Positive, read_record
 from drake_tc.control.gains import TorqueGains
 from drake_tc.errors import ParamsError
 from drake_tc.loops.built_loop import Controller
@@ -24,7 +24,7 @@ from drake_tc.loops.entries import DiagramEntry
 from drake_tc.loops.motion import FRAMES_PER_SECOND, DiagramPictures
 from drake_tc.loops.plant import start_meshcat
 from drake_tc.loops.recording import NamedSink, Progress, advance, write_log
-from drake_tc.loops.scenarios import ScenarioBase, changes_in
+from drake_tc.loops.scenarios import ScenarioBase, Seed, changes_in
 from drake_tc.loops.simulated import RunPlot, Simulated, Tell, TimePanel, speed_line
 from drake_tc.loops.torque.scenario import TorqueLoopSpec
 from drake_tc.loops.torque.wiring import TorqueLoop
@@ -40,14 +40,8 @@ class FunctionScenario(ScenarioBase):
         seed: 0 starts in the default context; another one draws a random context by it.
     """
 
-    duration: float = 2.0
-    seed: int = 0
-
-    def __post_init__(self) -> None:
-        if not 0.0 < self.duration < np.inf:
-            raise ParamsError(f"duration: expected a positive number [s], got {self.duration!r}")
-        if self.seed < 0:
-            raise ParamsError(f"seed: expected a whole number from 0, got {self.seed}")
+    duration: Positive = 2.0
+    seed: Seed = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,22 +144,20 @@ def function_entry(name: str, function: Callable[..., Diagram | tuple[Diagram, T
         load,
         build,
         simulate,
-        rebuild=rebuild if _takes(function, "spec", "gains") else None,
+        rebuild=rebuild if {"spec", "gains"} <= set(_parameters(function)) else None,
     )
 
 
-def _takes(function: Callable[..., Any], *names: str) -> bool:
+def _parameters(function: Callable[..., Any]) -> Mapping[str, Parameter]:
+    """By name; none of a built-in function that does not tell them."""
     try:
-        return set(names) <= set(signature(function).parameters)
+        return signature(function).parameters
     except (TypeError, ValueError):
-        return False
+        return {}
 
 
 def _check_no_arguments(name: str, function: Callable[..., Any]) -> None:
-    try:
-        parameters = signature(function).parameters.values()
-    except (TypeError, ValueError):  # a built-in one that does not tell
-        return
+    parameters = _parameters(function).values()
     optional = (Parameter.VAR_POSITIONAL, Parameter.VAR_KEYWORD)
     required = [each.name for each in parameters if each.default is Parameter.empty and each.kind not in optional]
     if required:

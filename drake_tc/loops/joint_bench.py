@@ -45,11 +45,12 @@ from drake_tc.actuation.recorded_run import (
     recording_of,
 )
 from drake_tc.actuation.wiring import add_actuators
+from drake_tc.config.records import FromZero, Positive
 from drake_tc.effects.base import plain_signals
 from drake_tc.errors import ParamsError
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import COMMAND_COLUMN, Rig
-from drake_tc.loops.scenarios import ScenarioBase
+from drake_tc.loops.scenarios import ScenarioBase, Seed
 from drake_tc.types import GRAVITY, FloatArray
 
 JOINT = "joint"
@@ -232,22 +233,17 @@ class BenchScenario(ScenarioBase):
         ParamsError: a value that is not possible.
     """
 
-    duration: float = 10.0
-    log_period: float = 1e-3
-    step: float = 2.5e-4
-    link_inertia: float = 0.08
-    gravity_moment: float = 9.0
-    encoder_resolution: float = 0.0
-    torque_noise: float = 0.0
-    seed: int = 0
+    duration: Positive = 10.0
+    log_period: Positive = 1e-3
+    step: Positive = 2.5e-4
+    link_inertia: Positive = 0.08
+    gravity_moment: FromZero = 9.0
+    encoder_resolution: FromZero = 0.0
+    torque_noise: FromZero = 0.0
+    seed: Seed = 0
 
     def __post_init__(self) -> None:
-        for name in ("duration", "log_period", "step", "link_inertia"):
-            if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
-                raise ParamsError(f"scenario.{name}: expected a positive number, got {getattr(self, name)!r}")
-        for name in ("gravity_moment", "encoder_resolution", "torque_noise", "seed"):
-            if not (np.isfinite(getattr(self, name)) and getattr(self, name) >= 0.0):
-                raise ParamsError(f"scenario.{name}: expected a number >= 0, got {getattr(self, name)!r}")
+        super().__post_init__()
         ratio = self.log_period / self.step
         if abs(ratio - round(ratio)) > 1e-6 or round(ratio) < 1:
             raise ParamsError(

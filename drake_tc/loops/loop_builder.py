@@ -60,32 +60,31 @@ def split(builder: DiagramBuilder, name: str, source: OutputPort, sizes: Sequenc
     return [blocks.get_output_port(i) for i in range(len(sizes))]
 
 
+def behind(builder: DiagramBuilder, name: str, block: Any, *sources: OutputPort) -> OutputPort:
+    """The first output of a block that is added, and whose inputs are connected to ports in their order."""
+    builder.AddNamedSystem(name, block)
+    for number, source in enumerate(sources):
+        builder.Connect(source, block.get_input_port(number))
+    output: OutputPort = block.get_output_port(0)
+    return output
+
+
 def product(builder: DiagramBuilder, name: str, matrix: FloatArray, port: OutputPort) -> OutputPort:
     """A matrix times a port, by a block of Drake's own."""
     gain: Any = matrix
-    system = builder.AddNamedSystem(name, MatrixGain(D=gain))
-    builder.Connect(port, system.get_input_port())
-    output: OutputPort = system.get_output_port()
-    return output
+    return behind(builder, name, MatrixGain(D=gain), port)
 
 
 def total(builder: DiagramBuilder, name: str, *ports: OutputPort) -> OutputPort:
     """The sum of ports of one size, by a block of Drake's own."""
-    system = builder.AddNamedSystem(name, Adder(len(ports), ports[0].size()))
-    for number, port in enumerate(ports):
-        builder.Connect(port, system.get_input_port(number))
-    output: OutputPort = system.get_output_port()
-    return output
+    return behind(builder, name, Adder(len(ports), ports[0].size()), *ports)
 
 
 def late(builder: DiagramBuilder, voltage: OutputPort, period: float, ticks: int) -> OutputPort:
     """The voltages of tick k, which act from tick k + `ticks` on: a system `loop_delay` where there is a delay."""
     if not ticks:
         return voltage
-    delay = builder.AddNamedSystem("loop_delay", DiscreteTimeDelay(period, ticks - 1, voltage.size()))
-    builder.Connect(voltage, delay.get_input_port())
-    output: OutputPort = delay.get_output_port()
-    return output
+    return behind(builder, "loop_delay", DiscreteTimeDelay(period, ticks - 1, voltage.size()), voltage)
 
 
 def first_imu(builder: DiagramBuilder, reading: OutputPort) -> OutputPort:
@@ -93,8 +92,7 @@ def first_imu(builder: DiagramBuilder, reading: OutputPort) -> OutputPort:
     if reading.size() == 6:
         return reading
     if not builder.HasSubsystemNamed("first_imu"):
-        split: Any = builder.AddNamedSystem("first_imu", Demultiplexer([6, reading.size() - 6]))
-        builder.Connect(reading, split.get_input_port())
+        return split(builder, "first_imu", reading, [6, reading.size() - 6])[0]
     port: OutputPort = builder.GetSubsystemByName("first_imu").get_output_port(0)
     return port
 
@@ -227,11 +225,7 @@ class LoopBuilder(Generic[ScenarioT]):
 
     def join(self, name: str, ports: Sequence[OutputPort]) -> OutputPort:
         """One port with the values of several, one below the other."""
-        joined: Any = self.builder.AddNamedSystem(name, Multiplexer([port.size() for port in ports]))
-        for index, port in enumerate(ports):
-            self.builder.Connect(port, joined.get_input_port(index))
-        output: OutputPort = joined.get_output_port()
-        return output
+        return behind(self.builder, name, Multiplexer([port.size() for port in ports]), *ports)
 
     def filtered_readings(
         self, sensors: Readings, window: int, orders: tuple[int, int], *, imu: bool = True

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from pydrake.geometry import MeshcatVisualizer, SceneGraph
+from pydrake.geometry import SceneGraph
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.multibody.tree import BodyIndex
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, System
@@ -73,17 +73,15 @@ def motion_html(motion: Motion) -> str:
     """The text of an HTML file that plays the motion; it loads nothing from elsewhere."""
     builder = DiagramBuilder()
     plant: Any
-    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, STEP)
+    plant, _ = AddMultibodyPlantSceneGraph(builder, STEP)
     add_robot(plant, motion.robot, visuals=True)
     motion.surroundings(plant)
     plant.Finalize()
-    meshcat = start_meshcat(quiet=True)
-    shown = MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat)
     diagram = builder.Build()
+    pictures, frames = DiagramPictures(diagram, diagram.GetSystems()), []
     context = diagram.CreateDefaultContext()
     own = plant.GetMyMutableContextFromRoot(context)
     places = [plant.GetJointByName(name).position_start() for name in motion.robot.joints]
-    meshcat.StartRecording(frames_per_second=FRAMES_PER_SECOND, set_visualizations_while_recording=False)
     for row in _frames(motion.time):
         positions = plant.GetPositions(own)
         positions[places] = motion.joints[row]
@@ -94,14 +92,8 @@ def motion_html(motion: Motion) -> str:
             first = plant.GetBodyByName(motion.robot.base).floating_positions_start()
             positions[first : first + 7] = motion.base[row]
         plant.SetPositions(own, positions)
-        context.SetTime(float(motion.time[row]))
-        shown.ForcedPublish(shown.GetMyContextFromRoot(context))
-    meshcat.StopRecording()
-    meshcat.PublishRecording()
-    bodies = [plant.get_body(index) for index in plant.GetBodyIndices(plant.GetModelInstanceByName(motion.robot.name))]
-    look_at(meshcat, [plant.EvalBodyPoseInWorld(own, body).translation() for body in bodies])
-    text: str = meshcat.StaticHtml()
-    return text
+        frames.append((float(motion.time[row]), pictures.poses(context)))
+    return pictures.html(frames)
 
 
 def look_at(meshcat: Any, places: Sequence[Any]) -> None:

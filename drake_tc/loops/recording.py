@@ -21,7 +21,7 @@ from pydrake.systems.primitives import Multiplexer, VectorLogSink
 
 from drake_tc.config.files import whole_file, write_whole
 from drake_tc.errors import LogError, SimulationError
-from drake_tc.types import FloatArray
+from drake_tc.types import BoolArray, FloatArray
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -55,16 +55,17 @@ class Recording:
         """Simulated seconds a second of wall time."""
         return float((self.time[-1] - self.time[0]) / self.seconds)
 
-    def raised_flags(self) -> list[dict[str, Any]]:
-        """Each flag that was up: its name, and when first [s]; none without the signal "flags"."""
+    @property
+    def flags(self) -> dict[str, BoolArray]:
+        """Name to (T,) whether it was up, of each flag that ever was; none without the signal "flags"."""
         if not self.flag_names or "flags" not in self.signals:
-            return []
-        up = self.signals["flags"] > 0.0
-        return [
-            {"name": name, "first": float(self.time[int(np.argmax(up[:, i]))])}
-            for i, name in enumerate(self.flag_names)
-            if up[:, i].any()
-        ]
+            return {}
+        up = self.signals["flags"].T > 0.0
+        return {name: row for name, row in zip(self.flag_names, up, strict=True) if row.any()}
+
+    def raised_flags(self) -> list[dict[str, Any]]:
+        """Each flag that was up: its name, and when first [s]."""
+        return [{"name": name, "first": float(self.time[int(np.argmax(row))])} for name, row in self.flags.items()]
 
 
 def write_log(columns: Mapping[str, FloatArray], path: Path) -> Path:

@@ -10,13 +10,25 @@ The parts of a scenario, each one mapping in its YAML file: gains, filters, moti
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any, ClassVar, Self
+from typing import Annotated, Any, ClassVar, Self
 
+from drake_tc.actuation.model import ActuatorModel
 from drake_tc.config.quoted import did_you_mean, quoted
-from drake_tc.config.records import check_choices, read_record
+from drake_tc.config.records import (
+    Checked,
+    Finite,
+    FromZero,
+    Positive,
+    Range,
+    Six,
+    Three,
+    ThreeFromZero,
+    ThreePositive,
+    read_record,
+)
 from drake_tc.config.yaml_file import merged, parse_yaml, read_yaml
 from drake_tc.errors import ParamsError
 
@@ -28,21 +40,6 @@ def scenario_names(path: Path) -> list[str]:
         ParamsError: the file cannot be read.
     """
     return list(read_mapping(path))
-
-
-def read_scenario(path: Path, name: str, text: str | None = None) -> dict[str, Any]:
-    """The fields of the scenario `name` of a file, with the fields in `text` (YAML) changed.
-
-    Args:
-        path: Scenario file.
-        name: Scenario.
-        text: YAML mapping of fields to change, like `{duration: 3.0, gains: {k6: 0.25}}`.
-
-    Raises:
-        ParamsError: no such file or scenario, or text that is no mapping.
-    """
-    document = _extended(path, read_mapping(path), name, ())
-    return document if text is None else merged(document, changes_in(text))
 
 
 def changes_in(text: str) -> dict[str, Any]:
@@ -84,11 +81,20 @@ def _extended(path: Path, document: dict[str, Any], name: str, seen: tuple[str, 
     return own if parent is None else merged(_extended(path, document, parent, (*seen, name)), own)
 
 
-class ScenarioBase:
+SEEDS = 2**64
+"""How many seeds there are: what the counter-based generators take as a key."""
+Seed = Annotated[int, Range("a whole number from 0 to 2^64 - 1", 0, SEEDS - 1, whole=True)]
+
+
+class ScenarioBase(Checked):
     """Base of the frozen dataclasses that are scenarios; `source`, where one has it, is the folder of its files."""
 
     SCHEMA: ClassVar[str] = ""
     """What `drake-tc schema` calls its file."""
+    seed: Seed
+    """Of all random numbers."""
+    duration: Positive
+    """Simulated time [s]."""
 
     @classmethod
     def load(cls, path: Path, name: str, text: str | None = None) -> Self:
@@ -104,7 +110,8 @@ class ScenarioBase:
         """
         kind: Any = cls
         folder = {"source": str(path.parent)} if any(field.name == "source" for field in fields(kind)) else {}
-        document = read_scenario(path, name, text)
+        document = _extended(path, read_mapping(path), name, ())
+        document = document if text is None else merged(document, changes_in(text))
         return read_record(cls, document, str(path), more=folder, within=name)
 
     def changed(self, **changes: Any) -> Self:
@@ -119,36 +126,13 @@ class ScenarioBase:
         return Path(own.source) / name
 
 
-SEEDS = 2**64
-"""How many seeds there are: what the counter-based generators take as a key."""
-
-
-def check_seed(seed: object) -> None:
-    """A seed is what the generators take.
+def check_masses(factors: Mapping[str, float]) -> None:
+    """Factors on the masses of links are positive.
 
     Raises:
-        ParamsError: it is not.
+        ParamsError: one is not; names the link.
     """
-    if not isinstance(seed, int) or isinstance(seed, bool) or not 0 <= seed < SEEDS:
-        raise ParamsError(f"seed: expected a whole number from 0 to 2^64 - 1, got {seed!r}")
-
-
-def check_run(scenario: Any, times: Sequence[str]) -> None:
-    """Fields of choice by their `Literal`s, times [s], the seed and the factors of the links' masses.
-
-    Args:
-        scenario: With `seed` and `masses`.
-        times: Fields that are positive times.
-
-    Raises:
-        ParamsError: a value that is not possible; names the field.
-    """
-    check_choices(scenario)
-    for name in times:
-        if not 0.0 < getattr(scenario, name) < math.inf:
-            raise ParamsError(f"{name}: expected a positive number [s], got {getattr(scenario, name)!r}")
-    check_seed(scenario.seed)
-    for link, factor in scenario.masses.items():
+    for link, factor in factors.items():
         if not 0.0 < factor < math.inf:
             raise ParamsError(f"masses.{link}: expected a positive factor, got {factor}")
 
@@ -192,12 +176,8 @@ class GainSpec:
         return [float(self.by_joint.get(joint, {}).get(name, getattr(self, name))) for joint in joints]
 
 
-LONGEST_WINDOW = 10_000
-"""Of a filter [samples]."""
-
-
 @dataclass(frozen=True)
-class FilterSpec:
+class FilterSpec(Checked):
     """Savitzky–Golay filters (Del Prete et al., 2016, section 2), evaluated in the middle of the window.
 
     Attributes:
@@ -210,17 +190,13 @@ class FilterSpec:
         2
     """
 
-    window: int = 80
+    window: Annotated[int, Range("a whole number, 1 to 10000", 1, 10_000, whole=True)] = 80
     encoder_order: int = 2
     inertial_order: int = 1
 
-    def __post_init__(self) -> None:
-        if not 1 <= self.window <= LONGEST_WINDOW or self.window != int(self.window):
-            raise ParamsError(f"window: expected a whole number of samples, 1 to {LONGEST_WINDOW}, got {self.window}")
-
 
 @dataclass(frozen=True)
-class ModelFactors:
+class ModelFactors(Checked):
     """Factors on what the controller believes of every drive: an error of the model, on purpose.
 
     Attributes:
@@ -228,16 +204,12 @@ class ModelFactors:
         k_v: Factor on K_v = K_tau x viscous friction [-].
     """
 
-    k_tau: float = 1.0
-    k_v: float = 1.0
-
-    def __post_init__(self) -> None:
-        if not (0.0 < self.k_tau < math.inf and 0.0 <= self.k_v < math.inf):
-            raise ParamsError(f"model_factors: expected k_tau > 0 and k_v >= 0, both finite, got {self}")
+    k_tau: Positive = 1.0
+    k_v: FromZero = 1.0
 
 
 @dataclass(frozen=True)
-class SuspensionSpec:
+class SuspensionSpec(Checked):
     """Springs and dampers that carry the base, which then floats: a bushing between the world and a point of it.
 
     At the base's pose in the robot file the springs carry the robot's weight; the rest of the balance it finds itself.
@@ -248,23 +220,20 @@ class SuspensionSpec:
         point: Point of the base link at which the springs act [m].
     """
 
-    stiffness: tuple[float, ...]
-    damping: tuple[float, ...]
-    turn_stiffness: tuple[float, ...]
-    turn_damping: tuple[float, ...]
-    point: tuple[float, ...] = (0.0, 0.0, 0.0)
+    stiffness: ThreeFromZero
+    damping: ThreeFromZero
+    turn_stiffness: ThreeFromZero
+    turn_damping: ThreeFromZero
+    point: Three = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
-        for name in ("stiffness", "damping", "turn_stiffness", "turn_damping", "point"):
-            value = getattr(self, name)
-            if len(value) != 3 or not _finite(*value) or (name != "point" and min(value) < 0.0):
-                raise ParamsError(f"suspension.{name}: expected three finite numbers, none negative, got {value}")
+        super().__post_init__()
         if self.stiffness[2] <= 0.0:
             raise ParamsError("suspension.stiffness: expected a positive one along z, which carries the weight, got 0")
 
 
 @dataclass(frozen=True)
-class SinusoidSpec:
+class SinusoidSpec(Checked):
     """q(t) = centre + (start + growth t) sin(2 pi f t).
 
     Attributes:
@@ -273,13 +242,9 @@ class SinusoidSpec:
         growth: Growth of the amplitude [rad/s].
     """
 
-    frequency_hz: float
-    start: float = 0.0
-    growth: float = 0.0
-
-    def __post_init__(self) -> None:
-        if not (0.0 < self.frequency_hz < math.inf and _finite(self.start, self.growth)):
-            raise ParamsError(f"sinusoid: expected a positive frequency_hz and finite start and growth, got {self}")
+    frequency_hz: Positive
+    start: Finite = 0.0
+    growth: Finite = 0.0
 
 
 @dataclass(frozen=True)
@@ -300,7 +265,7 @@ class MotionSpec:
 
 
 @dataclass(frozen=True)
-class ForceSpec:
+class ForceSpec(Checked):
     """f(t) = offset + amplitude sin(2 pi f (t - begin)), risen from `begin` on over `ramp`.
 
     Attributes:
@@ -311,25 +276,15 @@ class ForceSpec:
         ramp: Duration of the rise [s].
     """
 
-    offset: tuple[float, ...] = (0.0,) * 6
-    amplitude: tuple[float, ...] = (0.0,) * 6
-    frequency_hz: float = 0.5
-    begin: float = 0.5
-    ramp: float = 0.5
-
-    def __post_init__(self) -> None:
-        if len(self.offset) != 6 or len(self.amplitude) != 6:
-            raise ParamsError("force: expected six numbers [fx fy fz tx ty tz] for offset and amplitude")
-        if not (0.0 < self.frequency_hz < math.inf and 0.0 < self.ramp < math.inf):
-            raise ParamsError(
-                f"force: expected a positive frequency_hz and ramp, got {self.frequency_hz} and {self.ramp}"
-            )
-        if not _finite(*self.offset, *self.amplitude, self.begin):
-            raise ParamsError("force: expected finite numbers for offset, amplitude and begin")
+    offset: Six = (0.0,) * 6
+    amplitude: Six = (0.0,) * 6
+    frequency_hz: Positive = 0.5
+    begin: Finite = 0.5
+    ramp: Positive = 0.5
 
 
 @dataclass(frozen=True)
-class PushSpec:
+class PushSpec(Checked):
     """A wrench on a link in world axes, risen and fallen as sin^2 within [begin, begin + duration].
 
     Attributes:
@@ -342,23 +297,15 @@ class PushSpec:
     """
 
     link: str
-    begin: float
-    duration: float
-    force: tuple[float, ...] = (0.0, 0.0, 0.0)
-    torque: tuple[float, ...] = (0.0, 0.0, 0.0)
-    point: tuple[float, ...] = (0.0, 0.0, 0.0)
-
-    def __post_init__(self) -> None:
-        for name in ("force", "torque", "point"):
-            value = getattr(self, name)
-            if len(value) != 3 or not _finite(*value):
-                raise ParamsError(f"push on {self.link}: {name}: expected three finite numbers, got {value}")
-        if not (0.0 < self.duration < math.inf and _finite(self.begin)):
-            raise ParamsError(f"push on {self.link}: expected a finite begin and a positive duration [s]")
+    begin: Finite
+    duration: Positive
+    force: Three = (0.0, 0.0, 0.0)
+    torque: Three = (0.0, 0.0, 0.0)
+    point: Three = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
-class ObjectSpec:
+class ObjectSpec(Checked):
     """A rigid box, fixed to the world.
 
     Attributes:
@@ -368,21 +315,35 @@ class ObjectSpec:
         friction: Coefficient of friction [-].
     """
 
-    size: tuple[float, ...]
-    xyz: tuple[float, ...]
-    rpy: tuple[float, ...] = (0.0, 0.0, 0.0)
-    friction: float = 0.8
-
-    def __post_init__(self) -> None:
-        for name in ("size", "xyz", "rpy"):
-            value = getattr(self, name)
-            if len(value) != 3 or not _finite(*value):
-                raise ParamsError(f"object: {name}: expected three finite numbers, got {value}")
-        if min(self.size) <= 0.0:
-            raise ParamsError(f"object: size: expected positive lengths [m], got {self.size}")
-        if not 0.0 <= self.friction < math.inf:
-            raise ParamsError(f"object: friction: expected a number >= 0, got {self.friction}")
+    size: ThreePositive
+    xyz: Three
+    rpy: Three = (0.0, 0.0, 0.0)
+    friction: FromZero = 0.8
 
 
-def _finite(*numbers: float) -> bool:
-    return all(map(math.isfinite, numbers))
+def erring(
+    models: Iterable[ActuatorModel], factors: Mapping[str, float], where: str = "model_factors"
+) -> list[ActuatorModel]:
+    """What a controller takes drives for: their models with errors, on purpose.
+
+    Args:
+        models: The simulated drives.
+        factors: `gain` or an effect, to a factor on all its parameters.
+        where: Place of the factors in the scenario.
+
+    Raises:
+        ParamsError: a factor for what no drive has.
+    """
+    drives = list(models)
+    known = sorted({"gain", *(value.key for model in drives for value in model.effects)})
+    if strange := [name for name in factors if name not in known]:
+        raise ParamsError(f"{where}: no {strange[0]!r} in the models; there: {', '.join(known)}")
+    out = []
+    for model in drives:
+        drive = replace(model.drive, gain=model.drive.gain * factors.get("gain", 1.0))
+        effects = [
+            replace(value, parameters={k: factors.get(value.key, 1.0) * v for k, v in value.parameters.items()})
+            for value in model.effects
+        ]
+        out.append(replace(model, drive=drive, effects=tuple(effects)))
+    return out

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from drake_tc.loops.motion import Motion, motion_html, torque_motion, tsid_motion
-from drake_tc.loops.recording import Progress, Recording
+from drake_tc.loops.recording import Progress
 from drake_tc.loops.series_elastic.loop import SeaRecording, simulate_sea, summarise_sea, write_sea
 from drake_tc.loops.series_elastic.scenario import SeaScenario
 from drake_tc.loops.torque.default_gains import weak_joints
@@ -80,7 +80,7 @@ def torque_plot(recording: TorqueRecording) -> RunPlot:
             TimePanel("torque of the drives", "N m", time, _lines(joints, recording["actuation"]), {}),
         ),
         time,
-        _flags(recording),
+        recording.flags,
     )
 
 
@@ -103,7 +103,7 @@ def tsid_plot(recording: TsidRecording) -> RunPlot:
             TimePanel("probability that all limits are kept", "-", time, {"p_ind": recording.status(Status.P_IND)}, {}),
         ),
         time,
-        _flags(recording) | {"fallback": recording.status(Status.FALLBACK) > 0.0},
+        recording.flags | {"fallback": recording.status(Status.FALLBACK) > 0.0},
     )
 
 
@@ -124,20 +124,13 @@ def sea_plot(recording: SeaRecording) -> RunPlot:
             TimePanel("voltage", "V", time, {joint: recording["voltage"]}, {}),
         ),
         time,
-        _flags(recording),
+        recording.flags,
     )
 
 
 def _lines(names: tuple[str, ...], values: FloatArray) -> dict[str, FloatArray]:
     """Columns of values (T, n) by name."""
     return {name: values[:, i] for i, name in enumerate(names)}
-
-
-def _flags(recording: Recording) -> dict[str, BoolArray]:
-    if not recording.flag_names or "flags" not in recording.signals:
-        return {}
-    up = recording.signals["flags"] > 0.0
-    return {name: up[:, i] for i, name in enumerate(recording.flag_names) if up[:, i].any()}
 
 
 Tell = Callable[[str], None]

@@ -6,11 +6,11 @@ A sensor that fails for a while: `SensorFault`.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from typing import Any, Literal, NamedTuple, TypeAlias
+from typing import Annotated, Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
-from drake_tc.config.records import check_choices
+from drake_tc.config.records import Checked, Finite, Range
 from drake_tc.errors import ParamsError
 from drake_tc.types import FloatArray
 
@@ -143,7 +143,7 @@ _FAULT_TOLERANCE = 1e-6
 
 
 @dataclass(frozen=True)
-class SensorFault:
+class SensorFault(Checked):
     """What fails, when, on which channels. Active at the ticks n with start <= n dt < start + duration.
 
     Attributes:
@@ -167,20 +167,16 @@ class SensorFault:
     """
 
     kind: FaultKind
-    start: float = 0.0
+    start: Finite = 0.0
     duration: float = math.inf
     channels: tuple[int, ...] | None = None
-    value: float = 0.0
-    chance: float = SPIKE_CHANCE
+    value: Finite = 0.0
+    chance: Annotated[float, Range("a probability above 0, 1 at most", 0.0, 1.0, above=True)] = SPIKE_CHANCE
 
     def __post_init__(self) -> None:
-        check_choices(self)
-        if not math.isfinite(self.start):
-            raise ParamsError(f"start: expected a time [s], got {self.start!r}")
+        super().__post_init__()
         if not self.duration > 0.0:
             raise ParamsError(f"duration: expected a time > 0 [s], or .inf, got {self.duration!r}")
-        if not math.isfinite(self.value):
-            raise ParamsError(f"value: expected a finite number, got {self.value!r}")
         if self.kind in _SIZED and self.value == 0.0:
             raise ParamsError(f"value: expected the size of the {_SIZED[self.kind]}, got 0")
         if self.kind == "late" and self.value < 0.0:
@@ -189,8 +185,6 @@ class SensorFault:
             raise ParamsError(
                 f"value: expected only with kind {' or '.join(_SIZED)}, got {self.value:g} with {self.kind}"
             )
-        if not 0.0 < self.chance <= 1.0:
-            raise ParamsError(f"chance: expected a probability above 0, 1 at most, got {self.chance!r}")
         if self.kind != "spikes" and self.chance != SPIKE_CHANCE:
             raise ParamsError(f"chance: expected only with kind spikes, got it with {self.kind}")
         if self.channels is not None and (not self.channels or len(set(self.channels)) < len(self.channels)):

@@ -106,7 +106,7 @@ class SuiteKeys(Keys):
 
 
 def load_suite(where: str, entry: object) -> SensorSuiteSpec:
-    """A suite from a YAML mapping: `preset: perfect | realistic` (perfect where absent), and what differs from it.
+    """A suite, that of a preset, or one from a mapping: `preset` (perfect where absent), and what differs from it.
 
         sensors:
           preset: realistic
@@ -115,12 +115,15 @@ def load_suite(where: str, entry: object) -> SensorSuiteSpec:
 
     Args:
         where: File and field, for the error.
-        entry: The mapping; None is the perfect suite.
+        entry: The suite, the preset's name, or the mapping; None is the perfect suite.
 
     Raises:
         ParamsError: An unknown key or preset, or an impossible value; one line that starts with `where`.
     """
-    read = validated(SuiteKeys, {} if entry is None else entry, within=where)
+    if isinstance(entry, SensorSuiteSpec):
+        return entry
+    mapping = {"preset": entry} if isinstance(entry, str) else entry
+    read = validated(SuiteKeys, {} if mapping is None else mapping, within=where)
     suite = PRESETS[read.preset]()
     for each in fields(SensorSuiteSpec):
         changes = getattr(read, each.name)

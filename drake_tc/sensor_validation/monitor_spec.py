@@ -17,12 +17,12 @@ when the load goes over to other contacts. A rise below dF/K of a foot whose loa
 the loss of the contact or a shift of load.
 """
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from drake_tc.config.records import Unbounded
+from drake_tc.config.records import Checked, FromZero, Positive, Unbounded
 from drake_tc.errors import ParamsError
 from drake_tc.sensing.suite import SensorSuiteSpec
 
@@ -38,7 +38,7 @@ LATE = 5e-3
 
 
 @dataclass(frozen=True)
-class MonitorSpec:
+class MonitorSpec(Checked):
     """Thresholds: positive numbers, and infinity switches a check off. SI units.
 
     Attributes:
@@ -78,24 +78,24 @@ class MonitorSpec:
 
     encoder_frozen: Unbounded = 0.02
     encoder_stuck: Unbounded = 0.04
-    moving: float = 0.05
+    moving: Unbounded = 0.05
     imu_frozen: Unbounded = 0.01
     wrench_frozen: Unbounded = 0.01
     encoder_jump: Unbounded = 1e-3
     encoder_acceleration: Unbounded = 2000.0
-    encoder_timing: float = 0.0
+    encoder_timing: FromZero = 0.0
     gyro_jump: Unbounded = 1.0
     accel_jump: Unbounded = 30.0
     force_jump: Unbounded = 100.0
     moment_jump: Unbounded = 20.0
     wrench_jump_lasts: bool = True
-    still_gyro: float = 0.05
-    still_accel: float = 0.5
+    still_gyro: Unbounded = 0.05
+    still_accel: Unbounded = 0.5
     unexpected_force: Unbounded = 10.0
     unexpected_moment: Unbounded = 2.0
     torque: Unbounded = 0.25
-    time_constant: float = 0.01
-    hold: float = 0.1
+    time_constant: Positive = 0.01
+    hold: Positive = 0.1
 
     def for_sensors(self, suite: SensorSuiteSpec) -> "MonitorSpec":
         """The same for given sensors.
@@ -112,24 +112,6 @@ class MonitorSpec:
         encoder = suite.encoder
         errs = 2.0 * np.asarray(encoder.resolution) + 15.0 * np.asarray(encoder.noise)
         return replace(self, encoder_jump=max(self.encoder_jump, float(errs.max())), **quiet)
-
-    def __post_init__(self) -> None:
-        """Check the values.
-
-        Raises:
-            ParamsError: A threshold that is not positive, an infinite time constant or hold time.
-        """
-        for item in fields(self):
-            value = getattr(self, item.name)
-            if item.name == "wrench_jump_lasts":
-                continue
-            least = 0.0 if item.name == "encoder_timing" else np.nextafter(0.0, 1.0)
-            if not (isinstance(value, int | float) and value >= least):
-                bound = "a number >= 0" if least == 0.0 else "a positive number"
-                raise ParamsError(f"MonitorSpec: {item.name}: expected {bound}, got {value!r}")
-        for name in ("time_constant", "hold", "encoder_timing"):
-            if not np.isfinite(getattr(self, name)):
-                raise ParamsError(f"MonitorSpec: {name}: expected a finite time [s], got {getattr(self, name)!r}")
 
 
 def bias_deviation(duration: float, period: float, noise: float, turning_hz: float = 0.0) -> float:

@@ -195,7 +195,7 @@ def floor_rows(
     moved: TsidScenario,
     reaching: TsidScenario,
     progress: Progress,
-    approximations: Sequence[Approximation] = APPROXIMATIONS,
+    approximations: Sequence[Approximation] = tuple(APPROXIMATIONS),
 ) -> list[BenchmarkRow]:
     """The rows of `python -m tests.benchmarks floor`.
 

@@ -96,7 +96,7 @@ def test_a_plot_that_cannot_be_written_and_a_frequency_too_high_are_told_before_
         (["--input", "reference:y0", "--output", "reference"], "expected SYSTEM:PORT"),
         ([*PORTS, "--from", "9", "--to", "2"], "expected 0 < --from <= --to"),
         ([*PORTS, "--plot", "bode.txt"], "expected --plot FILE.png"),
-        ([*PORTS, "--amplitude", "0"], "sweep.amplitude"),
+        ([*PORTS, "--amplitude", "0"], "amplitude: expected a positive number"),
     ],
 )
 def test_what_cannot_be_is_said_in_one_line(capsys, arguments, says):

@@ -232,10 +232,10 @@ def test_the_mass_matrix_is_lagranges(robot):
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda robot: ObserverSpec(bandwidth=0.0), "observer.bandwidth: expected a positive number"),
-        (lambda robot: ObserverSpec(limit=np.inf), "observer.limit: expected a positive number"),
-        (lambda robot: ObserverSpec(delay=-1.0), "observer.delay: expected a time >= 0"),
-        (lambda robot: ObserverSpec(torque="none"), "observer.torque: expected one of live, filtered, got 'none'"),
+        (lambda robot: ObserverSpec(bandwidth=0.0), "bandwidth: expected a positive number"),
+        (lambda robot: ObserverSpec(limit=np.inf), "limit: expected a positive number"),
+        (lambda robot: ObserverSpec(delay=-1.0), "delay: expected a number >= 0"),
+        (lambda robot: ObserverSpec(torque="none"), "torque: expected one of live, filtered, got 'none'"),
         (lambda robot: DisturbanceObserver(robot, models()[:1], ObserverSpec()), "models: expected 2, one per joint"),
         (lambda robot: DisturbanceObserver(robot, models(), ObserverSpec(), 0.0), "dt: expected a positive period"),
         (

@@ -269,11 +269,11 @@ def test_an_acceleration_that_is_not_connected_is_nil():
 @pytest.mark.parametrize(
     ("changes", "says"),
     [
-        ({"mode": "magic"}, "control.mode: expected one of observer"),
-        ({"kp": -1.0}, "control.kp"),
-        ({"leak": 1.2}, "control.leak"),
-        ({"step": 0.0}, "control.step"),
-        ({"momentum_gain": np.nan}, "control.momentum_gain"),
+        ({"mode": "magic"}, "mode: expected one of observer"),
+        ({"kp": -1.0}, "kp"),
+        ({"leak": 1.2}, "leak"),
+        ({"step": 0.0}, "step"),
+        ({"momentum_gain": np.nan}, "momentum_gain"),
         ({"horizon": 0.005, "reference_window": 0.0}, "control.horizon: expected a reference_window > 0"),
     ],
 )

@@ -201,11 +201,11 @@ def test_the_default_does_not_learn_slow_rocking_for_a_bias():
         (lambda: BaseEstimationSpec(make=0.01), "expected 0 < break_ <= make < 1, got break_ 0.02, make 0.01"),
         (
             lambda: BaseEstimationSpec(sole_points=(5, 3, 2)),
-            "estimator.sole_points: expected two numbers, got .5, 3, 2.",
+            "sole_points: expected two numbers, got .5, 3, 2.",
         ),
-        (lambda: BaseEstimationSpec(velocity_window=3), "estimator.velocity_window: expected 4 samples or more, got 3"),
-        (lambda: SpringDrivesSpec(link_from="air"), "series_elastic.link_from: expected motor or link, got 'air'"),
-        (lambda: SpringDrivesSpec(delay=-1.0), "series_elastic.delay: expected a time >= 0"),
+        (lambda: BaseEstimationSpec(velocity_window=3), "velocity_window: expected 4 or more .samples., got 3"),
+        (lambda: SpringDrivesSpec(link_from="air"), "link_from: expected one of motor, link, got 'air'"),
+        (lambda: SpringDrivesSpec(delay=-1.0), "delay: expected a number >= 0"),
         (
             lambda: SpringDrivesSpec(model_factors={"gain": -1.0}),
             "series_elastic.model_factors.gain: expected a factor >= 0",

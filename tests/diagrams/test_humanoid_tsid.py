@@ -278,7 +278,7 @@ def test_a_foot_is_lifted_and_put_down():
         ("{torque: by hand}", "torque: expected one of direct, drives, series_elastic, got 'by hand'"),
         ("{ground: {approximation: hard}}", "ground.approximation: expected one of lagged, sap, similar"),
         ("{ground: {stiffness: 0.0}}", "ground.stiffness: expected a positive number"),
-        ("{torque_error: {hold: 0.0}}", "torque_error: expected scale >= 0 and hold > 0"),
+        ("{torque_error: {hold: 0.0}}", "torque_error.hold: expected a positive number"),
         ("{controller: nowhere.yaml}", "nowhere.yaml: no such controller file"),
         ("{changes: {contacts: null, tasks: {force: null}}}", "contacts: expected at least one to stand on, got none"),
         ("{changes: {formulation: {measure: best}}}", "hrp2_like_tsid.yaml: formulation.measure: expected one of"),

@@ -124,7 +124,7 @@ def test_the_model_torque_feeds_no_input_through():
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: PredictorSpec(0.0), r"predictor\.bandwidth: expected a positive number"),
+        (lambda: PredictorSpec(0.0), r"bandwidth: expected a positive number"),
         (lambda: DelayPredictor(0, PredictorSpec()), "expected at least one joint, got 0"),
         (lambda: DelayPredictor(1, PredictorSpec(), np.nan), "dt: expected a positive period"),
     ],

@@ -208,7 +208,7 @@ REFUSED = [
     (("limits", "speed"), {}, "limits: unknown key 'speed'; possible: acceleration, capture_point, contact, torque"),
     (("formulation", "measure"), "best", "formulation.measure: expected one of classic, individual"),
     (("formulation", "use"), "always", "formulation.use: expected one of trade_off"),
-    (("formulation", "weight"), 0.0, "formulation.weight: expected a finite number > 0"),
+    (("formulation", "weight"), 0.0, "formulation.weight: expected a positive number"),
     (("sigma",), [1.0, 2.0], "sigma: expected 30 numbers, one for each joint, got 2"),
     (("sigma",), -0.1, "sigma: expected finite numbers >= 0"),
     (("sigma",), {"r_knee": 1.0}, "sigma: r_hip_yaw is missing; expected a number"),

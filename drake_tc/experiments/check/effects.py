@@ -63,8 +63,7 @@ class Visibility:
             return f"not separable from {', '.join(self.not_separable_from)}"
         if self.separable is not None:
             names = ", ".join(self.confused_below)
-            below = f"below {self.separable:.3g} {self.size.unit}".removesuffix(" -")
-            return f"{below} not separable from {names}" if not self.reason else self.reason
+            return self.reason or f"below {self.size.text(self.separable)} not separable from {names}"
         return self.reason
 
 

@@ -149,7 +149,7 @@ def why_hidden(effect: Effect, odds: EffectOdds, facts: MotionFacts, smallest: f
     size, variant = odds.sizes[effect.key], odds.middle(effect)
     imitators = odds.imitators(variant, max(size.typical, 1e-300))
     if imitators[:1] == [WithinTolerance.title] and kept < IMITATED:
-        upto = f" up to {smallest:.2g} {size.unit}".removesuffix(" -") * math.isfinite(smallest)
+        upto = f" up to {size.text(smallest, 2)}" * math.isfinite(smallest)
         return f"Sizes{upto} may be errors of the joint's sensors within their tolerances."
     moved = by_motion(effect.id, facts)
     if moved:
@@ -163,5 +163,5 @@ def why_hidden(effect: Effect, odds: EffectOdds, facts: MotionFacts, smallest: f
     asked = ""
     if 0.0 < smallest < math.inf:
         asked = f", but the noise requires at least {odds.left(variant, smallest) / gain:.2g} {unit}"
-    of = f" of {size.typical:.2g} {size.unit}".removesuffix(" -") * math.isfinite(size.typical)
+    of = f" of {size.text(size.typical, 2)}" * math.isfinite(size.typical)
     return f"An effect{of} changes the torque by {typical:.2g} {unit}{asked}."

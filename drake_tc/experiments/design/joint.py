@@ -20,6 +20,8 @@ from drake_tc.types import FloatArray
 
 TURN_SPEED = 0.04
 """Speed over which the direction turns over, as a share of the largest speed."""
+PER_SECOND = 20.0
+"""Independent samples a second, where no log tells them."""
 
 
 @dataclass(frozen=True)
@@ -86,6 +88,10 @@ class DesignJoint:
     def motor_torque(self, motion: FloatArray, step: float) -> FloatArray:
         """Torque of the motor (T,) [N m] that must keep its limit,  y/K - D qdot, with D the `servo_damping`."""
         return np.asarray(self.signals(motion, step).effort / self.numbers.gain - self.servo_damping * motion[1])
+
+    def keeps_torque(self, motion: FloatArray, step: float, limit: float) -> bool:
+        """Whether the motor's torque is within a limit [N m] in a motion (4, T)."""
+        return float(np.abs(self.motor_torque(motion, step)).max()) <= limit * (1.0 + 1e-9)
 
     def signals(self, motion: FloatArray, step: float, *, sharp: bool = False) -> Signals:
         """What the next log would show, free of noise, for a motion (4, T); the direction turns at once if `sharp`."""

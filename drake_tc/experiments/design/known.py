@@ -13,7 +13,7 @@ from drake_tc.effects.base import Context, JointNumbers, TorqueEffect
 from drake_tc.effects.library import effect
 from drake_tc.errors import ParamsError
 from drake_tc.experiments.check.run import with_loads
-from drake_tc.experiments.design.joint import DesignJoint
+from drake_tc.experiments.design.joint import PER_SECOND, DesignJoint
 from drake_tc.experiments.design.motions import JointLimits
 from drake_tc.experiments.fitted import FittedJoint, fitted_joint
 from drake_tc.logs.loads import Pendulum
@@ -27,8 +27,6 @@ NOISE_OF_TORQUE = 0.002
 """Noise of the balance over the largest torque, where no log tells it."""
 REWEIGHTED = 30
 """Iterations of the weights of runs in the fit of a load."""
-PER_SECOND = 20.0
-"""Independent samples a second, where no log tells them."""
 LIMIT_NAMES = ("position", "velocity", "acceleration", "jerk", "torque", "bandwidth_hz")
 
 

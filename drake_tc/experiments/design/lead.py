@@ -158,8 +158,7 @@ def growing_sinusoids(
 
 def default_motion(joint: DesignJoint, limits: JointLimits, duration: float, step: float) -> FloatArray:
     """(4, T) growing sinusoid of one joint within its limits, that of the motor's torque too."""
-
-    def allowed(motion: FloatArray) -> bool:
-        return bool(np.abs(joint.motor_torque(motion[:, :, 0], step)).max() <= limits.torque)
-
-    return np.asarray(growing_sinusoids((limits,), duration, step, allowed)[:, :, 0])
+    made = growing_sinusoids(
+        (limits,), duration, step, lambda motion: joint.keeps_torque(motion[:, :, 0], step, limits.torque)
+    )
+    return np.asarray(made[:, :, 0])

@@ -13,7 +13,7 @@ from drake_tc.experiments.design.goal import Goal, criterion_of
 from drake_tc.experiments.design.joint import DesignJoint
 from drake_tc.experiments.design.loads import KnownLoad, carrying, require_usable
 from drake_tc.experiments.design.motions import JointLimits
-from drake_tc.experiments.design.next_log import PlannedRun, next_log
+from drake_tc.experiments.design.next_log import next_log
 from drake_tc.experiments.design.run import TOLD, DesignOptions, JointDesign, design_joint, motion_search, with_sinusoid
 from drake_tc.experiments.design.search import MotionPlan, MotionSearch
 from drake_tc.experiments.fitted import FittedJoint
@@ -157,12 +157,11 @@ class _Experiment:
 
     def worth(self, used: Sequence[int], heavier: float = 1.0) -> Worth:
         """What the logs under some of the loads are worth, which then last as long as all of them."""
-        search, slots, runs = self.search, self.plan.slots, []
+        search, slots = self.search, self.plan.slots
         longer = search.repeats * search.slots / max(sum(slots[k] for k in used), 1)
-        for k in used:
-            joint = carrying(self.joint, replace(self.loads[k], mass=heavier * self.loads[k].mass))
-            motion = np.tile(search.basis.motion(self.plan.x[k]), (1, max(round(longer * slots[k]), 1)))
-            runs.append(PlannedRun(f"load_{k}", joint, motion, search.basis.step))
+        times = [max(round(longer * count), 1) if k in used else 0 for k, count in enumerate(slots)]
+        joints = tuple(carrying(self.joint, replace(load, mass=heavier * load.mass)) for load in self.loads)
+        runs = replace(search, joints=joints).runs(list(self.plan.x), times)
         return search.criterion.worth(next_log(runs, self.seed) if runs else None)
 
     def resonance(self, load: int) -> tuple[str, ...]:

@@ -37,11 +37,11 @@ from drake_tc.diagnosis.search import Progress
 from drake_tc.errors import ParamsError
 from drake_tc.estimation.robot_loads import robot_logs, with_robot_loads
 from drake_tc.experiments.design.criteria import Expected
+from drake_tc.experiments.design.joint import PER_SECOND
 from drake_tc.experiments.design.lead import Experiment
 from drake_tc.experiments.design.motions import JointLimits, MotionBasis, motion_basis
 from drake_tc.experiments.design.robot_goal import (
     NOISE_SHARE,
-    PER_SECOND,
     CriterionName,
     RobotGoal,
     RobotNoise,

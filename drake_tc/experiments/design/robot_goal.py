@@ -23,6 +23,7 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
+from drake_tc.experiments.design.joint import PER_SECOND, TURN_SPEED
 from drake_tc.experiments.design.motions import JointLimits
 from drake_tc.identification.regression import independent_columns
 from drake_tc.robot.rigid_regressor import LinkModel
@@ -83,10 +84,6 @@ NOISE_SHARE = 0.005
 """Noise of a joint's torque over its effort limit, where no log tells it."""
 LEFT_OF_ROTOR = 1e-5
 """Share of the column of a rotor that the links must leave."""
-PER_SECOND = 20.0
-"""Independent samples a second, where no log tells them."""
-TURN_SPEED = 0.04
-"""Speed over which the direction turns over, as a share of the largest speed."""
 FRICTION_SHARE = 0.05
 """Friction that a design assumes, over the effort limit."""
 TORQUE_PENALTY = 1e3

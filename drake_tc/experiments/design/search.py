@@ -91,9 +91,9 @@ class MotionSearch:
 
     def worth(self, x: Sequence[FloatArray], slots: Sequence[int]) -> Worth:
         """What the rough log of motions (n,) under each load is worth with so many slots of each load."""
-        return self.criterion.worth(rough_log(self._runs(x, slots), self.repeats))
+        return self.criterion.worth(rough_log(self.runs(x, slots), self.repeats))
 
-    def _runs(self, x: Sequence[FloatArray], times: Sequence[int]) -> list[PlannedRun]:
+    def runs(self, x: Sequence[FloatArray], times: Sequence[int]) -> list[PlannedRun]:
         """Those of the loads that take part, with so many periods of each."""
         return [
             PlannedRun(f"load_{k}", joint, np.tile(self.basis.motion(own), (1, count)), self.basis.step)
@@ -103,7 +103,7 @@ class MotionSearch:
 
     def _simulated(self, plan: MotionPlan) -> float:
         """The criterion on the simulated log of a plan."""
-        runs = self._runs(list(plan.x), [self.repeats * count for count in plan.slots])
+        runs = self.runs(list(plan.x), [self.repeats * count for count in plan.slots])
         return self.criterion.worth(next_log(runs, self.seed)).total
 
     def best(
@@ -224,12 +224,9 @@ def within(joint: DesignJoint, basis: MotionBasis, limits: JointLimits, x: Float
     Raises:
         ParamsError: Not even a motion without amplitude keeps them.
     """
-
-    def allowed(motion: FloatArray) -> bool:
-        torque = joint.motor_torque(motion[:, :, 0], basis.step)
-        return float(np.abs(torque).max()) <= limits.torque * (1.0 + 1e-9)
-
-    found = shrunk((basis,), (limits,), x[None], allowed)
+    found = shrunk(
+        (basis,), (limits,), x[None], lambda motion: joint.keeps_torque(motion[:, :, 0], basis.step, limits.torque)
+    )
     if found is None:
         raise ParamsError(
             f"joint {joint.name}: no motion about {float(np.mean(basis.matrices[0] @ x)):.3g} {limits.units.position} "

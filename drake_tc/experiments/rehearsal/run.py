@@ -265,7 +265,12 @@ def summary(found: Rehearsal) -> str:
 
 def rehearsal_page(found: Rehearsal) -> str:
     """The page."""
-    unit = pretty_unit(found.size.unit)
+    section = PageSection(found.effect, (_how(found),), plots=(_plot(found),), tables=(power_table(found),))
+    return plain_page("Would it have been found?", f"rehearse · joint {found.joint}", (summary(found),), (section,))
+
+
+def power_table(found: Rehearsal) -> PageTable:
+    """What was found at each size, for page and console."""
     rows = [
         (
             significant(p.size) if p.size else "0 (nothing missing)",
@@ -276,16 +281,19 @@ def rehearsal_page(found: Rehearsal) -> str:
         )
         for p in found.points
     ]
-    headings = (f"{found.size.name} [{unit or '-'}]", "found", "95 % interval", "alone", "named instead")
-    table = PageTable(headings, rows, (headings[0], "found", "95 % interval", "alone"))
+    unit = pretty_unit(found.size.unit) or "-"
+    headings = (f"{found.size.name} [{unit}]", "found", "95 % interval", "alone", "named instead")
+    return PageTable(headings, rows, headings[:-1])
+
+
+def _how(found: Rehearsal) -> str:
+    """How the trials were made, and what the check predicts."""
     predicted = significant(found.predicted) if np.isfinite(found.predicted) else "none"
-    how = (
+    return (
         "Each trial simulates the joint with the runs’ own motions, loads, sensors and noise by a simulator that "
         "shares no formula with the diagnosis, and diagnoses the simulated runs without knowing what was put in. "
-        f"The check of these logs predicts a smallest size of {predicted} {unit}."
+        f"The check of these logs predicts a smallest size of {predicted} {pretty_unit(found.size.unit)}."
     )
-    section = PageSection(found.effect, (how,), plots=(_plot(found),), tables=(table,))
-    return plain_page("Would it have been found?", f"rehearse · joint {found.joint}", (summary(found),), (section,))
 
 
 def _plot(found: Rehearsal) -> str:

@@ -17,103 +17,29 @@ from typing import Any
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.systems.framework import BasicVector, Context, DiagramBuilder, LeafSystem, OutputPort
-from pydrake.systems.primitives import Demultiplexer, TrajectorySource
+from pydrake.systems.framework import Context, DiagramBuilder, OutputPort
+from pydrake.systems.primitives import LinearSystem, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
-from drake_tc.actuation.recorded_run import Link
 from drake_tc.control.series_elastic import SeriesElasticControl
 from drake_tc.errors import SimulationError
 from drake_tc.loops.built_loop import BuiltLoop
 from drake_tc.loops.joint_bench import JOINT, make_plant
-from drake_tc.loops.loop_builder import LoopBuilder
+from drake_tc.loops.loop_builder import LoopBuilder, behind, product, split, total
 from drake_tc.loops.recording import Progress, Recording, write_log, write_rig
 from drake_tc.loops.series_elastic.scenario import HandSpec, ReferenceSpec, SeaScenario, spring_compliance
 from drake_tc.loops.series_elastic.wiring import add_series_elastic_loop
+from drake_tc.loops.torque.references import risen, table_source
 from drake_tc.types import FloatArray
 
-
-class Hand(LeafSystem):
-    """torque = k (q_h - q) + d (q'_h - q'), on the link.
-
-    Inputs: state (2): [q; q'] of the link; motion (2): [q_h; q'_h].
-    Output, with direct feedthrough, no state: torque (1) [N m].
-    """
-
-    def __init__(self, stiffness: float, damping: float) -> None:
-        """Declare ports; [N m/rad], [N m s/rad]."""
-        super().__init__()
-        self._gains = np.array([stiffness, damping])
-        self._state: Any = self.DeclareVectorInputPort("state", 2)
-        self._motion: Any = self.DeclareVectorInputPort("motion", 2)
-        self.DeclareVectorOutputPort("torque", 1, self._write, {self._state.ticket(), self._motion.ticket()})
-
-    def _write(self, context: Context, vector: BasicVector) -> None:
-        vector.SetAtIndex(0, float(self._gains @ (self._motion.Eval(context) - self._state.Eval(context))))
-
-
-class PositionLoop(LeafSystem):
-    """tau_ref = M q''_d + m g l sin q_d + k (q_d - q) + d (q'_d - q'), of one link.
-
-    Inputs: state (2): [q; q'] of the link, as known; motion (3): [q_d; q'_d; q''_d].
-    Output, with direct feedthrough, no state: torque (1) [N m].
-    """
-
-    def __init__(self, link: Link, stiffness: float, damping: float) -> None:
-        """Declare ports; gains [N m/rad], [N m s/rad]."""
-        super().__init__()
-        self._link, self._gains = link, np.array([stiffness, damping])
-        self._state: Any = self.DeclareVectorInputPort("state", 2)
-        self._motion: Any = self.DeclareVectorInputPort("motion", 3)
-        self.DeclareVectorOutputPort("torque", 1, self._write, {self._state.ticket(), self._motion.ticket()})
-
-    def _write(self, context: Context, vector: BasicVector) -> None:
-        motion = self._motion.Eval(context)
-        carried = self._link.inertia * motion[2] + self._link.gravity_moment * np.sin(motion[0])
-        vector.SetAtIndex(0, float(carried + self._gains @ (motion[:2] - self._state.Eval(context))))
-
-
-class LinkState(LeafSystem):
-    """The link behind the spring as the fine encoder and the gauge tell it, every dt.
-
-        y = theta - c tau,   v[n+1] = v[n] + SHARE (z[n] - v[n]),   z[n] = (y[n] - y[n-1])/dt
-
-    Inputs: motor_angle (1) [rad]; torque (1) [N m].
-    Output: state (2): [y; v'], v' the speed with this tick's z in it; feeds through.
-    State: y, v of the last tick, and whether there was one.
-    """
-
-    SHARE = 0.2
-
-    def __init__(self, compliance: float, dt: float) -> None:
-        """Declare ports and state; c of the spring [rad/(N m)], period [s]."""
-        super().__init__()
-        self._compliance, self._dt = compliance, dt
-        self._angle: Any = self.DeclareVectorInputPort("motor_angle", 1)
-        self._torque: Any = self.DeclareVectorInputPort("torque", 1)
-        index = self.DeclareDiscreteState(3)
-        self._last = int(index)
-        tickets = {self._angle.ticket(), self._torque.ticket(), self.discrete_state_ticket(index)}
-        self.DeclareVectorOutputPort("state", 2, self._write, tickets)
-        self.DeclarePeriodicDiscreteUpdateEvent(dt, 0.0, self._update)
-
-    def _now(self, context: Any) -> tuple[float, float]:
-        y = float(self._angle.Eval(context)[0] - self._compliance * self._torque.Eval(context)[0])
-        last, speed, started = context.get_discrete_state(self._last).value().tolist()
-        return y, speed + self.SHARE * ((y - last) / self._dt - speed) if started > 0.5 else 0.0
-
-    def _write(self, context: Context, vector: BasicVector) -> None:
-        now: Any = np.array(self._now(context))
-        vector.SetFromVector(now)
-
-    def _update(self, context: Context, values: Any) -> None:
-        values.set_value(self._last, np.array([*self._now(context), 1.0]))
+SHARE = 0.2
+"""Of the newest difference of positions in the speed of the link that the position loop knows."""
 
 
 def reference_path(spec: ReferenceSpec, duration: float, dt: float) -> PiecewisePolynomial:
     """The reference torque or angle (1), exact at the ticks, with two derivatives."""
     time = np.arange(round(duration / dt) + 3, dtype=np.float64) * dt
-    rise = smooth_step((time - spec.begin) / spec.ramp)
+    rise = risen((time - spec.begin) / spec.ramp)
     phase = 2.0 * np.pi * spec.frequency_hz * (time - spec.begin)
     values = rise * (spec.offset + spec.amplitude * np.sin(phase))
     make: Any = PiecewisePolynomial.CubicWithContinuousSecondDerivatives
@@ -124,23 +50,12 @@ def reference_path(spec: ReferenceSpec, duration: float, dt: float) -> Piecewise
 def hand_path(spec: HandSpec, duration: float, dt: float) -> PiecewisePolynomial:
     """(2) [q_h; q'_h]: straight lines whose corners are rounded by a running mean over `rounding`."""
     time = np.arange(round(duration / dt) + 3, dtype=np.float64) * dt
-    if not spec.times:
-        return _path(PiecewisePolynomial.ZeroOrderHold, np.array([0.0, duration + 1.0]), np.zeros((2, 2)))
     fine = np.linspace(-0.5, 0.5, 41) * spec.rounding
-    values = np.mean([np.interp(time + shift, spec.times, spec.knots) for shift in fine], axis=0)
-    both: Any = np.stack([values, np.gradient(values, dt)])
-    return _path(PiecewisePolynomial.FirstOrderHold, time, both)
-
-
-def _path(make: Any, time: Any, values: Any) -> PiecewisePolynomial:
-    path: PiecewisePolynomial = make(time, values)
+    times, knots = (spec.times, spec.knots) if spec.times else ((0.0,), (0.0,))
+    values = np.mean([np.interp(time + shift, times, knots) for shift in fine], axis=0)
+    make: Any = PiecewisePolynomial.FirstOrderHold
+    path: PiecewisePolynomial = make(time, np.stack([values, np.gradient(values, dt)]))
     return path
-
-
-def smooth_step(x: FloatArray) -> FloatArray:
-    """0 before 0, 1 after 1, 10 x^3 - 15 x^4 + 6 x^5 between: two continuous derivatives."""
-    x = np.clip(x, 0.0, 1.0)
-    return np.asarray(x**3 * (10.0 - 15.0 * x + 6.0 * x**2))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -185,47 +100,62 @@ def build_sea(scenario: SeaScenario) -> SeaLoop:
 
 
 def _add_reference(loop: LoopBuilder[SeaScenario], control: SeriesElasticControl) -> OutputPort:
-    """The reference torque, and with a position loop the reference acceleration of the link."""
+    """The reference torque, and with a position loop the reference acceleration of the link.
+
+    tau_ref = M q''_d + m g l sin q_d + k (q_d - q) + d (q'_d - q'),  q of the link as it is known
+    """
     scenario, builder = loop.scenario, loop.builder
     spec = scenario.reference
     path = reference_path(spec, scenario.duration, scenario.dt)
-    if spec.of == "torque":
-        torque: OutputPort = builder.AddNamedSystem("reference", TrajectorySource(path)).get_output_port()
-        builder.Connect(torque, control.GetInputPort("reference_torque"))
-        return torque
-    source = builder.AddNamedSystem("reference", TrajectorySource(path, 2))
-    readings = {"motor_angle": loop.signals["motor_encoder"], "torque": loop.signals["torque_sensor"]}
-    known = LinkState(spring_compliance(scenario.controller_actuator()), scenario.dt)
-    loop.add("link_state", known, **readings)
-    position_loop = loop.add(
-        "position_loop",
-        PositionLoop(scenario.link, spec.stiffness, spec.damping),
-        motion=source.get_output_port(),
-        state=known.get_output_port(),
-    )
-    parts = builder.AddNamedSystem("reference_parts", Demultiplexer([2, 1]))
-    builder.Connect(source.get_output_port(), parts.get_input_port())
-    builder.Connect(parts.get_output_port(1), control.GetInputPort("reference_acceleration"))
-    builder.Connect(position_loop.get_output_port(), control.GetInputPort("reference_torque"))
-    loop.signals["reference_motion"] = source.get_output_port()
-    port: OutputPort = position_loop.get_output_port()
-    return port
+    positions = spec.of == "position"
+    torque = behind(builder, "reference", TrajectorySource(path, 2 if positions else 0))
+    if positions:
+        loop.signals["reference_motion"] = torque
+        place, acceleration = split(builder, "reference_parts", torque, [2, 1])
+        builder.Connect(acceleration, control.GetInputPort("reference_acceleration"))
+        feedback = _pulled(loop, "feedback", spec, place, _known(loop))
+        torque = total(builder, "position_loop", _carried(loop, path), feedback)
+    builder.Connect(torque, control.GetInputPort("reference_torque"))
+    return torque
+
+
+def _known(loop: LoopBuilder[SeaScenario]) -> OutputPort:
+    """[y; v'] of the link behind the spring, as the fine encoder and the gauge tell it, every dt.
+
+    y[n] = theta[n] - c tau[n],   v'[n] = v'[n-1] + SHARE ((y[n] - y[n-1])/dt - v'[n-1])
+    """
+    dt, compliance = loop.scenario.dt, spring_compliance(loop.scenario.controller_actuator())
+    readings = loop.join("link_readings", [loop.signals["motor_encoder"], loop.signals["torque_sensor"]])
+    of_last: Any = np.array([[0.0, 0.0], [-SHARE / dt, 1.0 - SHARE]])
+    of_now: Any = np.outer([1.0, SHARE / dt], [1.0, -compliance])
+    return behind(loop.builder, "link_state", LinearSystem(of_last, of_now, of_last, of_now, dt), readings)
+
+
+def _carried(loop: LoopBuilder[SeaScenario], path: PiecewisePolynomial) -> OutputPort:
+    """M q''_d + m g l sin q_d at the ticks, which the link needs for its motion [N m]."""
+    link = loop.scenario.link
+    time = np.arange(round(loop.scenario.duration / loop.scenario.dt) + 3, dtype=np.float64) * loop.scenario.dt
+    orders: list[Any] = [path, path.derivative(2)]
+    angle, acceleration = (each.vector_values(time)[0] for each in orders)
+    torque = link.inertia * acceleration + link.gravity_moment * np.sin(angle)
+    return behind(loop.builder, "carried_torque", table_source(time, torque[:, None]))
+
+
+def _pulled(
+    loop: LoopBuilder[SeaScenario], name: str, spec: HandSpec | ReferenceSpec, place: OutputPort, state: OutputPort
+) -> OutputPort:
+    """Torque k (q_0 - q) + d (q'_0 - q') [N m] of a spring and a damper between two places [q; q']."""
+    gains = np.array([[spec.stiffness, spec.damping, -spec.stiffness, -spec.damping]])
+    return product(loop.builder, name, gains, loop.join(f"{name}_states", [place, state]))
 
 
 def _add_hand(loop: LoopBuilder[SeaScenario], plant: MultibodyPlant, spec: HandSpec) -> OutputPort:
     """The hand on the link; its torque is a force from outside."""
-    motion = loop.builder.AddNamedSystem(
-        "hand_motion", TrajectorySource(hand_path(spec, loop.scenario.duration, loop.scenario.dt))
-    )
-    hand = loop.add(
-        "hand",
-        Hand(spec.stiffness, spec.damping),
-        motion=motion.get_output_port(),
-        state=plant.get_state_output_port(),
-    )
-    loop.builder.Connect(hand.get_output_port(), plant.get_applied_generalized_force_input_port())
-    port: OutputPort = hand.get_output_port()
-    return port
+    path = hand_path(spec, loop.scenario.duration, loop.scenario.dt)
+    motion = behind(loop.builder, "hand_motion", TrajectorySource(path))
+    torque = _pulled(loop, "hand", spec, motion, plant.get_state_output_port())
+    loop.builder.Connect(torque, plant.get_applied_generalized_force_input_port())
+    return torque
 
 
 RUNAWAY_SPEED = 100.0
@@ -339,25 +269,19 @@ def write_sea(
 ) -> list[Path]:
     """Write `log.ENDING` and `rig.yaml`, which `close-loop` and `identify` read.
 
-    The position is the motor's: what passes the gear turns with it, and the spring is behind the torque sensor.
+    The position is the motor's: what passes the gear turns with it, and the spring is behind the torque sensor. The
+    voltage is what reached the motor: as sent, `delay` later, and 0 before that.
 
     Raises:
         LogError: a file that cannot be written.
     """
-    joint = recording.scenario.joint
+    joint, ticks = recording.scenario.joint, round(recording.scenario.delay / recording.scenario.dt)
     columns = {
         "time": recording.time,
         f"{joint}/position": recording["motor_encoder"],
-        f"{joint}/voltage": felt_voltage(recording),
+        f"{joint}/voltage": np.concatenate([np.zeros(ticks), recording["voltage"]])[: recording.time.size],
         f"{joint}/torque": recording["torque_sensor"],
     }
     inertia = recording.scenario.controller_actuator().inertia
     rig = {"joints": [joint], "drive": "voltage", "load": "torque", "declared": {joint: {"rotor_inertia": inertia}}}
     return [write_log(columns, folder / f"log.{ending}"), write_rig(rig, folder / "rig.yaml")]
-
-
-def felt_voltage(recording: SeaRecording) -> FloatArray:
-    """(T,) what reached the motor: as sent, `delay` later, and 0 before that [V]."""
-    ticks = round(recording.scenario.delay / recording.scenario.dt)
-    sent = recording["voltage"]
-    return np.concatenate([np.zeros(ticks), sent])[: sent.size]

@@ -3,7 +3,6 @@
 A series-elastic joint as a linear analysis takes it, and the diagram at a moment of its scenario.
 """
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -12,15 +11,15 @@ from typing import ClassVar, Literal
 from drake_tc.actuation.model import ActuatorModel, EffectValue
 from drake_tc.actuation.model_file import models_of_joints
 from drake_tc.actuation.recorded_run import Link
-from drake_tc.config.records import check_choices
+from drake_tc.config.records import Checked, Finite, FromZero, Positive
 from drake_tc.control.series_elastic import SeriesElasticSpec
 from drake_tc.errors import ParamsError
-from drake_tc.loops.scenarios import ScenarioBase, check_run
+from drake_tc.loops.scenarios import ScenarioBase, Seed, check_masses, erring
 from drake_tc.sensing.spec import MOST_TICKS, SensorSpec
 
 
 @dataclass(frozen=True)
-class HandSpec:
+class HandSpec(Checked):
     """A hand on the link: a spring and a damper to where it holds.
 
     Attributes:
@@ -31,15 +30,14 @@ class HandSpec:
         rounding: Time over which corners of the path are rounded [s].
     """
 
-    stiffness: float
-    damping: float = 0.0
+    stiffness: FromZero
+    damping: FromZero = 0.0
     times: tuple[float, ...] = ()
     knots: tuple[float, ...] = ()
-    rounding: float = 0.1
+    rounding: Positive = 0.1
 
     def __post_init__(self) -> None:
-        if not (0.0 <= self.stiffness < math.inf and 0.0 <= self.damping < math.inf and self.rounding > 0.0):
-            raise ParamsError("hand: expected finite stiffness and damping >= 0, and rounding > 0")
+        super().__post_init__()
         if len(self.times) != len(self.knots) or len(self.times) == 1:
             raise ParamsError(f"hand: expected as many knots as times, none or two at least, got {len(self.knots)}")
         if any(b <= a for a, b in zip(self.times, self.times[1:], strict=False)):
@@ -47,7 +45,7 @@ class HandSpec:
 
 
 @dataclass(frozen=True)
-class ReferenceSpec:
+class ReferenceSpec(Checked):
     """Reference of the joint: a torque, or a motion of the link under a soft position loop.
 
     Attributes:
@@ -60,20 +58,14 @@ class ReferenceSpec:
         stiffness, damping: Gains of the position loop [N m/rad, N m s/rad].
     """
 
-    offset: float = 0.0
-    amplitude: float = 0.0
-    frequency_hz: float = 1.0
-    begin: float = 0.1
-    ramp: float = 0.4
+    offset: Finite = 0.0
+    amplitude: Finite = 0.0
+    frequency_hz: Positive = 1.0
+    begin: Finite = 0.1
+    ramp: Positive = 0.4
     of: Literal["torque", "position"] = "torque"
-    stiffness: float = 0.0
-    damping: float = 0.0
-
-    def __post_init__(self) -> None:
-        check_choices(self)
-        numbers = (self.offset, self.amplitude, self.begin, self.stiffness, self.damping)
-        if not all(map(math.isfinite, numbers)) or not (0.0 < self.frequency_hz < math.inf and self.ramp > 0.0):
-            raise ParamsError("reference: expected finite numbers, frequency_hz > 0 and ramp > 0")
+    stiffness: Finite = 0.0
+    damping: Finite = 0.0
 
 
 @dataclass(frozen=True)
@@ -92,7 +84,7 @@ class SeaSensors:
 
 
 @dataclass(frozen=True, kw_only=True)
-class SeriesElasticLoopSpec:
+class SeriesElasticLoopSpec(Checked):
     """How voltage-driven series-elastic joints are torque-controlled.
 
     Attributes:
@@ -117,13 +109,11 @@ class SeriesElasticLoopSpec:
     delay: float = 0.015
     torque_from: Literal["gauge", "deflection"] = "gauge"
     sensors: SeaSensors = field(default_factory=SeaSensors)
-    dt: float = 1e-3
-    seed: int = 0
+    dt: Positive = 1e-3
+    seed: Seed = 0
 
     def __post_init__(self) -> None:
-        check_choices(self)
-        if not 0.0 < self.dt < math.inf:
-            raise ParamsError(f"dt: expected a positive number [s], got {self.dt!r}")
+        super().__post_init__()
         ratio = self.delay / self.dt
         if not 0.0 <= ratio <= MOST_TICKS or abs(ratio - round(ratio)) > 1e-6:
             raise ParamsError(
@@ -158,18 +148,13 @@ class SeaScenario(ScenarioBase, SeriesElasticLoopSpec):
     link: Link = field(default_factory=lambda: Link(0.1))
     hand: HandSpec | None = None
     reference: ReferenceSpec = field(default_factory=ReferenceSpec)
-    duration: float = 3.0
+    duration: Positive = 3.0
     masses: Mapping[str, float] = field(default_factory=dict)
     source: str = "."
 
     def __post_init__(self) -> None:
-        SeriesElasticLoopSpec.__post_init__(self)
-        check_run(self, ("duration",))
-
-    @property
-    def plant_step(self) -> float:
-        """Step of the link [s]: that of the control."""
-        return self.dt
+        super().__post_init__()
+        check_masses(self.masses)
 
     def actuator(self) -> ActuatorModel:
         """The simulated motor, gear and spring.
@@ -188,19 +173,9 @@ class SeaScenario(ScenarioBase, SeriesElasticLoopSpec):
         Raises:
             ParamsError: as `actuator`; or a factor for what the model does not have.
         """
-        model = self.actuator()
-        factors = {key: factor for key, factor in self.model_factors.items() if self.effects.get(key, True)}
-        drive = replace(model.drive, gain=model.drive.gain * factors.pop("gain", 1.0))
-        effects = []
-        for value in model.effects:
-            factor = factors.pop(value.key, 1.0)
-            effects.append(replace(value, parameters={k: factor * v for k, v in value.parameters.items()}))
-        if factors:
-            known = ", ".join(["gain", *(value.key for value in model.effects)])
-            raise ParamsError(
-                f"model_factors: no {next(iter(factors))!r} in the model of {self.joint!r}; there: {known}"
-            )
-        return replace(model, drive=drive, effects=tuple(effects))
+        removed = {key for key, parameters in self.effects.items() if not parameters}
+        factors = {key: factor for key, factor in self.model_factors.items() if key not in removed}
+        return erring([self.actuator()], factors)[0]
 
 
 def spring_compliance(model: ActuatorModel) -> float:

@@ -24,7 +24,7 @@ from drake_tc.actuation.plant import ActuatorPlant
 from drake_tc.actuation.wiring import actuated_joints, add_actuators
 from drake_tc.control.series_elastic import SeriesElasticControl
 from drake_tc.loops.built_loop import ControlledJoints, Controller, WiredLoop, add_input
-from drake_tc.loops.loop_builder import LoopBuilder, late, product
+from drake_tc.loops.loop_builder import LoopBuilder, behind, late, product
 from drake_tc.loops.plant import require_fitting_plant
 from drake_tc.loops.series_elastic.scenario import SeriesElasticLoopSpec, spring_compliance
 from drake_tc.sensing.sensor import Sensor
@@ -141,8 +141,7 @@ def add_series_elastic_control(
     )
     voltage = loop.output("torque_control", "voltage")
     if isinstance(reference_torque, Trajectory):
-        source = builder.AddNamedSystem("reference", TrajectorySource(reference_torque))
-        reference_torque = source.get_output_port()
+        reference_torque = behind(builder, "reference", TrajectorySource(reference_torque))
     for name, port in (("reference_torque", reference_torque), ("reference_acceleration", reference_acceleration)):
         if port is not None:
             loop.connect("torque_control", name, loop.passed(name, port))

@@ -16,7 +16,6 @@ from typing import Any
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import JacobianWrtVariable
 
 from drake_tc.control.joint_loop import JointLoop, grid_margins, quick_margins
 from drake_tc.control.stability_margins import ComplexArray, Margins, frequency_grid
@@ -71,8 +70,9 @@ def coupling(robot: Robot, at: FloatArray) -> Coupling:
         moves[joint.velocity_start(), i] = spread[joint.position_start(), i] = factor
         start[joint.position_start()] = factor * at[i] + offset
     sensed = [body for mount in robot.force_torque for body in _beyond(plant, mount.joint)]
-    everything = list(plant.GetBodyIndices(plant.GetModelInstanceByName(robot.name)))
-    whole, beyond = (_matrices(plant, start, spread, moves, bodies) for bodies in (everything, sensed))
+    everything = plant.GetBodyIndices(plant.GetModelInstanceByName(robot.name))
+    unsensed = [index for index in everything if index not in sensed]
+    whole, beyond = (_matrices(plant, start, spread, moves, massless) for massless in ([], unsensed))
     return Coupling(*whole, *beyond)
 
 
@@ -88,44 +88,23 @@ def _beyond(plant: MultibodyPlant, weld: str) -> list[Any]:
 
 
 def _matrices(
-    plant: Any, start: FloatArray, spread: FloatArray, moves: FloatArray, bodies: list[Any]
+    plant: Any, start: FloatArray, spread: FloatArray, moves: FloatArray, massless: list[Any]
 ) -> tuple[FloatArray, FloatArray]:
-    """(M, G) of some bodies."""
-    context, world = plant.CreateDefaultContext(), plant.world_frame()
-    joints = moves.shape[1]
-    inertia, gravity = np.zeros((joints, joints)), np.zeros((joints, joints))
+    """(M, G) of the bodies, some of which count as massless."""
+    context = plant.CreateDefaultContext()
+    for index in massless:
+        plant.get_body(index).SetMass(context, 0.0)
 
     def weights(positions: FloatArray) -> FloatArray:
         """(n,) slope of the potential energy."""
         plant.SetPositions(context, positions)
-        slope = np.zeros(plant.num_velocities())
-        for index in bodies:
-            body = plant.get_body(index)
-            slope += (GRAVITY * body.get_mass(context)) * plant.CalcJacobianTranslationalVelocity(
-                context,
-                JacobianWrtVariable.kV,
-                body.body_frame(),
-                body.CalcCenterOfMassInBodyFrame(context),
-                world,
-                world,
-            )[2]
-        return np.asarray(slope @ moves)
+        return np.asarray(-plant.CalcGravityGeneralizedForces(context) @ moves)
 
-    for j in range(joints):
-        sides = [weights(start + way * STEP * spread[:, j]) for way in (1.0, -1.0)]
-        gravity[:, j] = (sides[0] - sides[1]) / (2.0 * STEP)
+    sides = [[weights(start + way * STEP * each) for each in spread.T] for way in (1.0, -1.0)]
+    gravity = (np.array(sides[0]) - np.array(sides[1])).T / (2.0 * STEP)
     plant.SetPositions(context, start)
-    for index in bodies:
-        body = plant.get_body(index)
-        frame = body.body_frame()
-        speeds = (
-            moves.T
-            @ plant.CalcJacobianSpatialVelocity(context, JacobianWrtVariable.kV, frame, np.zeros(3), world, frame).T
-        )
-        inertia += speeds @ body.CalcSpatialInertiaInBodyFrame(context).CopyToFullMatrix6() @ speeds.T
-    weight = GRAVITY * sum(plant.get_body(index).get_mass(context) for index in bodies)
-    gravity[np.abs(gravity) <= NOTHING * weight] = 0.0
-    return inertia, gravity
+    gravity[np.abs(gravity) <= NOTHING * GRAVITY * plant.CalcTotalMass(context)] = 0.0
+    return moves.T @ plant.CalcMassMatrix(context) @ moves, gravity
 
 
 def coupled_margins(loops: Sequence[JointLoop], moved: Coupling, known: Coupling) -> list[Margins] | None:

@@ -147,7 +147,12 @@ def _force(scenario: Scenario, robot: Robot, time: FloatArray) -> FloatArray:
 
 def _wave(spec: ForceSpec, time: FloatArray) -> FloatArray:
     """(T, 6): 0 before `begin`, risen over `ramp` by a smooth step, then offset and sine."""
-    share = np.clip((time - spec.begin) / spec.ramp, 0.0, 1.0)
-    rise = share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
+    rise = risen((time - spec.begin) / spec.ramp)
     sine = np.sin(2.0 * np.pi * spec.frequency_hz * (time - spec.begin))
     return np.asarray(rise[:, None] * (np.array(spec.offset) + sine[:, None] * np.array(spec.amplitude)))
+
+
+def risen(share: FloatArray) -> FloatArray:
+    """A rise over its share x of the time: 0 before 0, 1 after 1, 10 x^3 - 15 x^4 + 6 x^5 between."""
+    x = np.clip(share, 0.0, 1.0)
+    return np.asarray(x**3 * (10.0 - 15.0 * x + 6.0 * x**2))

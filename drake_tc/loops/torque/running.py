@@ -22,11 +22,12 @@ from drake_tc.estimation.off_line import OffLineFilter, SensorLog, TorqueLog, es
 from drake_tc.estimation.torque_model import TorqueModel
 from drake_tc.logs.rig import COMMAND_COLUMN
 from drake_tc.loops.built_loop import BuiltLoop
+from drake_tc.loops.loop_builder import behind
 from drake_tc.loops.plant import add_objects, add_pushes, add_robot_plant, add_suspension, check_masses, set_masses
 from drake_tc.loops.recording import Progress, Recording, write_log, write_rig
 from drake_tc.loops.torque.references import References, posture, references, table_source
 from drake_tc.loops.torque.scenario import Scenario
-from drake_tc.loops.torque.stages import LoopDesign, actuator_models, loop_robot, torque_gains
+from drake_tc.loops.torque.stages import LoopDesign
 from drake_tc.loops.torque.wiring import Desired, wire_torque_loop
 from drake_tc.robot.robot import Robot
 from drake_tc.types import FloatArray, IntArray
@@ -70,8 +71,8 @@ def build_loop(scenario: Scenario, *, meshcat: bool = False, fused: bool = False
     Raises:
         ParamsError: a file that cannot be read, a robot without what the scenario needs, or names that do not fit.
     """
-    robot = loop_robot(scenario)
-    models = actuator_models(scenario, robot)
+    design = LoopDesign.of_scenario(scenario)
+    robot = design.plant_robot
     path = references(scenario, robot)
     builder = DiagramBuilder()
 
@@ -84,12 +85,11 @@ def build_loop(scenario: Scenario, *, meshcat: bool = False, fused: bool = False
     plant = add_robot_plant(builder, robot, scenario.plant_step, collisions=touch, meshcat=meshcat, prepare=surround)
     check_masses(plant, robot, scenario.masses)
     add_pushes(builder, plant, scenario.pushes)
-    source = builder.AddNamedSystem("reference", table_source(path.time, path.motion))
+    source = behind(builder, "reference", table_source(path.time, path.motion))
     forces = _force_reference(builder, scenario, robot, path)
-    gains = torque_gains(scenario, robot)
-    asked = bool(scenario.force) or bool(gains.kf.any()) or scenario.log_components
-    desired = Desired(source.get_output_port(), forces if asked else None)
-    loop = wire_torque_loop(builder, plant, LoopDesign.of_scenario(scenario), desired)
+    asked = bool(scenario.force) or bool(design.gains.kf.any()) or scenario.log_components
+    desired = Desired(source, forces if asked else None)
+    loop = wire_torque_loop(builder, plant, design, desired)
     left_out = {"joint_estimate", "unknown_wrench", "fault", *(() if scenario.log_truth else ("joint_torque",))}
     if forces is not None:
         loop.signals["force_reference"] = forces
@@ -97,7 +97,7 @@ def build_loop(scenario: Scenario, *, meshcat: bool = False, fused: bool = False
     return Loop(
         scenario=scenario,
         robot=robot,
-        models=models,
+        models=dict(zip(robot.joints, design.actuators, strict=True)),
         diagram=diagram,
         plant=plant,
         log=log,
@@ -109,9 +109,7 @@ def _force_reference(builder: DiagramBuilder, scenario: Scenario, robot: Robot, 
     """The forces that the scenario asks for; None without F/T sensors or without a torque loop."""
     if scenario.controller == "servo" or not robot.force_torque:
         return None
-    source = builder.AddNamedSystem("force_reference", table_source(path.time, path.force))
-    port: OutputPort = source.get_output_port()
-    return port
+    return behind(builder, "force_reference", table_source(path.time, path.force))
 
 
 IMU_AXES = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")

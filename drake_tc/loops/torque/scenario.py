@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, Literal
 
-from drake_tc.config.records import check_choices
+from drake_tc.config.records import Checked, FromZero, Positive
 from drake_tc.control.guard import GuardSpec
 from drake_tc.control.torque_law import CompensationSpec
 from drake_tc.errors import ParamsError
@@ -25,9 +25,9 @@ from drake_tc.loops.scenarios import (
     ObjectSpec,
     PushSpec,
     ScenarioBase,
+    Seed,
     SuspensionSpec,
-    check_run,
-    check_seed,
+    check_masses,
 )
 from drake_tc.robot.robot import Robot
 from drake_tc.sensing.spec import SensorFault
@@ -38,7 +38,7 @@ SENSORS = ("encoder", "imu", "force_torque")
 
 
 @dataclass(frozen=True, kw_only=True)
-class TorqueLoopSpec:
+class TorqueLoopSpec(Checked):
     """How a torque loop is controlled.
 
     Attributes:
@@ -77,12 +77,12 @@ class TorqueLoopSpec:
     """
 
     controller: Literal["torque", "servo"] = "torque"
-    dt: float = 1e-3
-    seed: int = 0
+    dt: Positive = 1e-3
+    seed: Seed = 0
     torque_from: Literal["estimate", "sensor"] = "estimate"
     base_from: Literal["imu", "fixed"] | None = None
     angular_acceleration: Literal["gyro", "neglected", "zero"] = "zero"
-    tare: float = 0.3
+    tare: FromZero = 0.3
     configuration: Literal["estimate", "reference"] = "reference"
     compensation: CompensationSpec = field(default_factory=CompensationSpec)
     sensors: Any = "realistic"
@@ -97,12 +97,7 @@ class TorqueLoopSpec:
     untouched: bool = False
 
     def __post_init__(self) -> None:
-        check_choices(self)
-        check_seed(self.seed)
-        if not 0.0 < self.dt < float("inf"):
-            raise ParamsError(f"dt: expected a positive number [s], got {self.dt!r}")
-        if not 0.0 <= self.tare < float("inf"):
-            raise ParamsError(f"tare: expected a time >= 0 [s], got {self.tare}")
+        super().__post_init__()
         for name in self.faults:
             if name not in SENSORS:
                 raise ParamsError(f"faults: no sensor {name!r}; possible: {', '.join(SENSORS)}")
@@ -134,11 +129,7 @@ def sensor_suite(spec: TorqueLoopSpec) -> SensorSuiteSpec:
     Raises:
         ParamsError: an unknown preset or field.
     """
-    if isinstance(spec.sensors, SensorSuiteSpec):
-        suite = spec.sensors
-    else:
-        entry = {"preset": spec.sensors} if isinstance(spec.sensors, str) else spec.sensors
-        suite = load_suite("sensors", entry)
+    suite = load_suite("sensors", spec.sensors)
     if spec.torque_from == "sensor" and suite.joint_torque.latency == 0.0:
         suite = replace(suite, joint_torque=replace(suite.joint_torque, latency=spec.dt))
     return suite
@@ -171,8 +162,8 @@ class Scenario(ScenarioBase, TorqueLoopSpec):
     SCHEMA: ClassVar[str] = "scenario"
 
     robot: str
-    duration: float = 2.0
-    plant_step: float = 1e-3
+    duration: Positive = 2.0
+    plant_step: Positive = 1e-3
     actuators: str | None = None
     model: str | None = None
     model_factors: ModelFactors = field(default_factory=ModelFactors)
@@ -188,8 +179,8 @@ class Scenario(ScenarioBase, TorqueLoopSpec):
     source: str = "."
 
     def __post_init__(self) -> None:
-        TorqueLoopSpec.__post_init__(self)
-        check_run(self, ("duration", "plant_step"))
+        super().__post_init__()
+        check_masses(self.masses)
         ratio = self.dt / self.plant_step
         if round(ratio) < 1 or abs(ratio - round(ratio)) > 1e-6:
             raise ParamsError(f"plant_step: expected dt = {self.dt:g} s over a whole number, got {self.plant_step:g}")

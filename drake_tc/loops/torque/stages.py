@@ -20,9 +20,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from pydrake.systems.framework import OutputPort
-from pydrake.systems.primitives import ConstantVectorSource, Demultiplexer
+from pydrake.systems.primitives import ConstantVectorSource
 
-from drake_tc.actuation.model import ActuatorModel, EffectValue
+from drake_tc.actuation.model import ActuatorModel
 from drake_tc.actuation.model_file import ModelFile, models_of_joints
 from drake_tc.actuation.wiring import sliding
 from drake_tc.control.dynamics_terms import BaseRotation
@@ -35,8 +35,8 @@ from drake_tc.estimation.disturbance_observer import DelayPredictor, Disturbance
 from drake_tc.estimation.joint_torque import JointTorqueEstimator, WrenchTare
 from drake_tc.estimation.torque_model import BaseSource, TorqueModel
 from drake_tc.filtering.savitzky_golay import SavitzkyGolayFilter
-from drake_tc.loops.loop_builder import LoopBuilder, first_imu, picked, product, total
-from drake_tc.loops.scenarios import ModelFactors
+from drake_tc.loops.loop_builder import LoopBuilder, behind, first_imu, picked, product, split, total
+from drake_tc.loops.scenarios import ModelFactors, erring
 from drake_tc.loops.torque.references import posture
 from drake_tc.loops.torque.scenario import Scenario, TorqueLoopSpec, base_source, loop_spec, sensor_suite
 from drake_tc.robot.link_changes import link_changes
@@ -175,9 +175,8 @@ def connect_observer(
     estimated = scenario.compensation.velocity == "estimate"
     wires["compensated_motion"] = found.known["joint_estimate"] if estimated else reference
     wires |= {"feedforward_torque": feedforward, "reference": reference, "sent_command": sent}
-    split = builder.AddNamedSystem("reference_acceleration", Demultiplexer([2 * n, n]))
-    builder.Connect(reference, split.get_input_port())
-    wires["delayed_reference"] = parts.join("model_signals", [feedforward, split.get_output_port(1)])
+    acceleration = split(builder, "reference_acceleration", reference, [2 * n, n])[1]
+    wires["delayed_reference"] = parts.join("model_signals", [feedforward, acceleration])
     estimator: Any = builder.GetSubsystemByName("torque_estimator")
     if spec.torque == "live":
         wires["joint_estimate"] = observer.GetOutputPort("motion")
@@ -197,12 +196,11 @@ def connect_observer(
 def servo_command(parts: TorqueLoopBuilder, reference: OutputPort) -> OutputPort:
     """The reference itself; the vendor's servo does the rest."""
     n = len(parts.robot.joints)
-    split = parts.builder.AddNamedSystem("reference_position", Demultiplexer([n, 2 * n]))
-    parts.builder.Connect(reference, split.get_input_port())
+    position, _ = split(parts.builder, "reference_position", reference, [n, 2 * n])
     nothing: Any = np.zeros(1)
-    sound = parts.builder.AddNamedSystem("no_fault", ConstantVectorSource(nothing))
+    sound = behind(parts.builder, "no_fault", ConstantVectorSource(nothing))
     parts.signals["reference"] = reference
-    return _guarded(parts, split.get_output_port(0), sound.get_output_port())
+    return _guarded(parts, position, sound)
 
 
 def torque_command(parts: TorqueLoopBuilder, reference: OutputPort) -> OutputPort:
@@ -305,10 +303,8 @@ def _monitor(parts: TorqueLoopBuilder, estimates: Mapping[str, OutputPort], refe
     robot, scenario, readings = parts.robot, parts.scenario, parts.readings
     free = tuple(mount.name for mount in robot.force_torque) if scenario.untouched else ()
     n = len(robot.joints)
-    rate = parts.builder.AddNamedSystem("reference_velocity", Demultiplexer([n, n, n]))
-    parts.builder.Connect(reference, rate.get_input_port())
-    wires = {"position": readings.encoder, "reference_velocity": rate.get_output_port(1)}
-    wires["reference"] = rate.get_output_port(0)
+    place, rate, _ = split(parts.builder, "reference_velocity", reference, [n, n, n])
+    wires = {"position": readings.encoder, "reference_velocity": rate, "reference": place}
     wires["command"] = parts.output("torque_control", "command")
     if readings.imu is not None:
         wires["imu"] = first_imu(parts.builder, readings.imu)
@@ -381,23 +377,12 @@ def actuator_models(scenario: Scenario, robot: Robot, *, controller: bool = Fals
     if path is None:
         raise ParamsError(f"{robot.source}: expected `actuators`, here or in the scenario, got neither")
     chosen = models_of_joints(path, robot.joints)
-    return (
-        {joint: _mistaken(model, scenario.model_factors) for joint, model in chosen.items()} if controller else chosen
-    )
-
-
-def _mistaken(model: ActuatorModel, factors: ModelFactors) -> ActuatorModel:
-    """A drive's model with K_tau and K_v = K_tau x viscous multiplied."""
-    if factors == ModelFactors():
-        return model
-
-    def scaled(value: EffectValue) -> EffectValue:
-        if value.key != "viscous":
-            return value
-        return EffectValue("viscous", {"viscous": value.parameters["viscous"] * factors.k_v / factors.k_tau})
-
-    drive = replace(model.drive, gain=model.drive.gain * factors.k_tau)
-    return replace(model, drive=drive, effects=tuple(scaled(value) for value in model.effects))
+    if not controller:
+        return chosen
+    factors = scenario.model_factors
+    has_friction = any(value.key == "viscous" for model in chosen.values() for value in model.effects)
+    viscous = {"viscous": factors.k_v / factors.k_tau} if has_friction else {}
+    return dict(zip(chosen, erring(chosen.values(), {"gain": factors.k_tau, **viscous}), strict=True))
 
 
 def torque_gains(scenario: Scenario, robot: Robot) -> TorqueGains:

@@ -34,19 +34,12 @@ from drake_tc.control.gains import TorqueGains
 from drake_tc.control.trajectories import constant_trajectory
 from drake_tc.errors import ParamsError
 from drake_tc.loops.built_loop import ControlledJoints, Controller, Watched, WiredLoop, add_input
+from drake_tc.loops.loop_builder import behind
 from drake_tc.loops.plant import require_fitting_plant
 from drake_tc.loops.torque.default_gains import torque_design, warn_of_weak_joints
 from drake_tc.loops.torque.references import check_range, references, table_source
-from drake_tc.loops.torque.scenario import Scenario, TorqueLoopSpec, loop_spec, sensor_suite
-from drake_tc.loops.torque.stages import (
-    LoopDesign,
-    TorqueLoopBuilder,
-    actuator_models,
-    loop_robot,
-    servo_command,
-    torque_command,
-    torque_gains,
-)
+from drake_tc.loops.torque.scenario import Scenario, TorqueLoopSpec, sensor_suite
+from drake_tc.loops.torque.stages import LoopDesign, TorqueLoopBuilder, servo_command, torque_command
 from drake_tc.robot.plant import joint_limits
 from drake_tc.robot.robot import Robot
 from drake_tc.sensing.suite import Readings, SensorSuite, add_sensors
@@ -170,7 +163,7 @@ def wire_torque_loop(
         )
     if force_reference is None and design.gains.kf.any():
         nothing: Any = np.zeros(6 * len(robot.force_torque))
-        force_reference = builder.AddNamedSystem("force_reference", ConstantVectorSource(nothing)).get_output_port()
+        force_reference = behind(builder, "force_reference", ConstantVectorSource(nothing))
     sensors = add_sensors(builder, plant, robot, sensor_suite(spec), spec.dt, spec.seed, spec.faults)
     parts = TorqueLoopBuilder(
         builder,
@@ -245,7 +238,7 @@ def _reference(builder: DiagramBuilder, robot: Robot, reference: Reference) -> O
             begin, end = np.clip((path.start_time(), path.end_time()), -LONGEST, LONGEST)
             times = np.linspace(begin, end, LOOKED_AT)
             check_range(robot, times, path.vector_values(times).T, "reference")
-        reference = builder.AddNamedSystem("reference", TrajectorySource(path, 2)).get_output_port()
+        reference = behind(builder, "reference", TrajectorySource(path, 2))
     if reference.size() != 3 * n:
         raise ParamsError(
             f"reference: expected a port of size {3 * n}, [q_d; qdot_d; qddot_d] of {n} joints, or a trajectory of"
@@ -319,7 +312,7 @@ def torque_controller(
     if isinstance(motion, System):
         if not motion.num_output_ports():
             raise ParamsError(f"motion: expected a system with an output port of size {3 * n}, got one without")
-        reference: Reference = builder.AddNamedSystem("reference", motion).get_output_port(0)
+        reference: Reference = behind(builder, "reference", motion)
     else:
         reference = add_input(builder, "reference", 3 * n) if isinstance(motion, str) else motion
     parts = TorqueLoopBuilder(
@@ -361,13 +354,7 @@ def scenario_controller(scenario: Scenario) -> Controller:
     Raises:
         ParamsError: a file that cannot be read, or names that do not fit.
     """
-    robot = loop_robot(scenario, controller=True)
-    path = references(scenario, robot)
-    return torque_controller(
-        robot,
-        actuator_models(scenario, robot, controller=True),
-        table_source(path.time, path.motion),
-        loop_spec(scenario),
-        gains=torque_gains(scenario, robot),
-        fused=True,
-    )
+    design = LoopDesign.of_scenario(scenario)
+    path = references(scenario, design.robot)
+    motion = table_source(path.time, path.motion)
+    return torque_controller(design.robot, design.models, motion, design.spec, gains=design.gains, fused=True)

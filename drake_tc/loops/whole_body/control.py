@@ -16,7 +16,7 @@ from pydrake.trajectories import Trajectory
 
 from drake_tc.control.reference_source import StoppingReference
 from drake_tc.loops.built_loop import Start
-from drake_tc.loops.loop_builder import total
+from drake_tc.loops.loop_builder import behind, total
 from drake_tc.loops.whole_body.drives import TorqueNoise, control_drives
 from drake_tc.loops.whole_body.sensor_validation import ValidatedSensors, add_flags, add_sensor_validation, stopped
 from drake_tc.loops.whole_body.sensors import WholeBodyBuilder, base_state, estimated_state
@@ -144,5 +144,5 @@ def _with_error(wiring: WholeBodyBuilder, torque: OutputPort) -> OutputPort:
     spec, law, builder = wiring.scenario.torque_error, wiring.law, wiring.builder
     if spec is None:
         return torque
-    noise = builder.AddNamedSystem("torque_noise", TorqueNoise(law.error, spec.hold, wiring.scenario.seed, spec.scale))
-    return total(builder, "erring_torque", torque, noise.get_output_port())
+    noise = TorqueNoise(law.error, spec.hold, wiring.scenario.seed, spec.scale)
+    return total(builder, "erring_torque", torque, behind(builder, "torque_noise", noise))

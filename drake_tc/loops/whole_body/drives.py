@@ -3,8 +3,6 @@
 torque --> torque_control --> guard --> actuators --> plant
 ^ torque estimate           (position servos, friction, dead zones)
 
-How the joints will move if the controller has its way: what the drives' friction is compensated for.
-
 `TorqueNoise`: torques that err, e ~ N(0, Sigma), drawn anew every `period`.
 """
 
@@ -18,79 +16,47 @@ from pydrake.systems.primitives import ConstantVectorSource
 
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.actuation.model_file import models_of_joints
-from drake_tc.array_stage import Arrays, ArrayStage, StageSystem, places
 from drake_tc.control.gains import TorqueGains
 from drake_tc.control.guard import CommandGuard, GuardSpec
 from drake_tc.control.torque_control import TorqueControl
 from drake_tc.errors import ParamsError
+from drake_tc.loops.loop_builder import behind, product
 from drake_tc.loops.scenarios import SEEDS
 from drake_tc.loops.whole_body.scenario import TsidScenario
 from drake_tc.loops.whole_body.sensors import WholeBodyBuilder, estimated_torque, required_models
+from drake_tc.loops.whole_body.series_elastic_drives import check_springs
 from drake_tc.robot.plant import joint_limits
 from drake_tc.robot.robot import Robot
 from drake_tc.sensing.suite import Readings
-from drake_tc.tsid.model import TsidModel
 from drake_tc.tsid.robust.scaled import TorqueError
-from drake_tc.types import Call, FloatArray
-
-
-class DesiredMotion(StageSystem):
-    """The motion of the joints that the controller's accelerations lead to, half a period ahead.
-
-    Inputs:
-        estimated_state (nq + nv): [q; v] as the controller knows it.
-        acceleration (nv): of the controller.
-    Output:
-        reference (3n): [q; qdot + qddot period/2; qddot] in the robot's order; follows both inputs at once, no state.
-    """
-
-    def __init__(self, model: TsidModel, period: float) -> None:
-        """Declare the ports.
-
-        Args:
-            model: Of the controller.
-            period: Of the controller [s].
-        """
-        super().__init__()
-        self._model, self._ahead = model, 0.5 * period
-        self._declare({"estimated_state": model.nq + model.nv, "acceleration": model.nv})
-
-    def on_arrays(self) -> ArrayStage:
-        """This stage without its ports."""
-        names = ("estimated_state", "acceleration")
-
-        def bind(arrays: Arrays) -> tuple[Call, None]:
-            (state, acceleration), out, model = (arrays.inputs[name] for name in names), arrays.out, self._model
-
-            def outputs(time: float) -> None:
-                own = acceleration[model.actuated]
-                velocity = state[model.nq + model.actuated] + self._ahead * own
-                np.concatenate((state[model.positions], velocity, own), out=out)
-
-            return outputs, None
-
-        ports = places({"reference": slice(3 * self._model.n)})
-        return ArrayStage(3 * self._model.n, ports, bind, frozenset(names))
+from drake_tc.types import FloatArray
 
 
 def known_drives(scenario: TsidScenario) -> Path | None:
-    """The model file that the scenario names for the controller; None: that of the robot file."""
+    """The model file that the scenario names for the controller of geared drives; None: that of the robot file."""
     spec = scenario.drives
     named = (spec.model or spec.actuators) if scenario.torque == "drives" else None
     return None if named is None else scenario.path(named)
 
 
-def drive_models(scenario: TsidScenario, robot: Robot, *, controller: bool = False) -> dict[str, ActuatorModel]:
-    """The simulated drives, or those that the torque control compensates, joint by joint.
+def drive_models(scenario: TsidScenario, robot: Robot, *, controller: bool = False) -> dict[str, ActuatorModel] | None:
+    """The simulated drives, or those that the torque control compensates, by joint; None where torques act directly.
 
     Raises:
-        ParamsError: no model file at all, or one that lacks a joint.
+        ParamsError: no model file at all, or one that lacks a joint, or a spring with `torque: series_elastic`.
     """
-    named = known_drives(scenario) if controller else scenario.drives.actuators
-    path = robot.actuators if named is None else scenario.path(str(named))
+    if scenario.torque == "direct":
+        return None
+    named = (scenario.drives if scenario.torque == "drives" else scenario.series_elastic).actuators
+    path = robot.actuators if named is None else scenario.path(named)
+    path = (known_drives(scenario) or path) if controller else path
     if path is None:
-        raise ParamsError(f"{robot.source}: expected `actuators`, here or in the scenario's drives, got neither")
-    return models_of_joints(path, robot.joints)
+        where = "drives" if scenario.torque == "drives" else "series_elastic"
+        raise ParamsError(f"{robot.source}: expected `actuators`, here or in the scenario's {where}, got neither")
+    models = models_of_joints(path, robot.joints)
+    if scenario.torque == "series_elastic":
+        check_springs(models, str(path))
+    return models
 
 
 def control_drives(wiring: WholeBodyBuilder, readings: Readings, torque: OutputPort, state: OutputPort) -> OutputPort:
@@ -108,11 +74,8 @@ def control_drives(wiring: WholeBodyBuilder, readings: Readings, torque: OutputP
     models = [assumed[joint] for joint in law.model.robot.joints]
     encoder = readings.encoder
     known = estimated_torque(wiring, readings)
-    acceleration = wiring.output("tsid", "acceleration")
-    motion = DesiredMotion(law.model, law.period)
-    desired = wiring.add("desired_motion", motion, estimated_state=state, acceleration=acceleration)
     nothing: Any = np.zeros(6 * n)
-    terms = wiring.builder.AddNamedSystem("no_terms", ConstantVectorSource(nothing)).get_output_port()
+    terms = behind(wiring.builder, "no_terms", ConstantVectorSource(nothing))
     gains = TorqueGains(np.full(n, spec.kp), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros((0, 0)))
     inputs: Mapping[str, OutputPort] = {
         "desired_torque": torque,
@@ -122,7 +85,7 @@ def control_drives(wiring: WholeBodyBuilder, readings: Readings, torque: OutputP
         "position": encoder,
     }
     if spec.compensation.needs_reference:
-        inputs = {**inputs, "reference": desired.GetOutputPort("reference")}
+        inputs = {**inputs, "reference": _desired_motion(wiring, state)}
     wiring.add(
         "torque_control",
         lambda: TorqueControl(models, gains, limits.effort, law.period, spec.compensation),
@@ -141,6 +104,18 @@ def control_drives(wiring: WholeBodyBuilder, readings: Readings, torque: OutputP
     sent = wiring.output("guard", "command")
     wiring.signals |= {"estimated_torque": known["estimated_torque"], "command": sent}
     return sent
+
+
+def _desired_motion(wiring: WholeBodyBuilder, state: OutputPort) -> OutputPort:
+    """(3n) [q; qdot + qddot period/2; qddot] to which the controller's accelerations lead, half a period ahead."""
+    model, n = wiring.law.model, wiring.law.model.n
+    known = wiring.join("known_motion", [state, wiring.output("tsid", "acceleration")])  # [q; v; vdot]
+    matrix, first = np.zeros((3, n, known.size())), model.nq + model.nv
+    joints = np.arange(n)
+    matrix[0, joints, model.positions] = matrix[1, joints, model.nq + model.actuated] = 1.0
+    matrix[1, joints, first + model.actuated] = 0.5 * wiring.law.period
+    matrix[2, joints, first + model.actuated] = 1.0
+    return product(wiring.builder, "desired_motion", matrix.reshape(3 * n, -1), known)
 
 
 class TorqueNoise(LeafSystem):

@@ -3,16 +3,16 @@
 The floor, soft soles and what else the robot may lean on, as data.
 """
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, get_args
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydrake.geometry import AddContactMaterial, Box, ProximityProperties, Sphere
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.plant import ContactModel, CoulombFriction, DiscreteContactApproximation, MultibodyPlant
 
+from drake_tc.config.records import Checked, FromZero, Positive, Range
 from drake_tc.errors import ParamsError
 from drake_tc.loops.scenarios import ObjectSpec
 from drake_tc.tsid.contacts import Contact
@@ -20,13 +20,12 @@ from drake_tc.types import FloatArray
 
 Approximation = Literal["lagged", "sap", "similar"]
 """How Drake's discrete plant solves for contact forces; `python -m tests.benchmarks floor` compares them."""
-APPROXIMATIONS: tuple[Approximation, ...] = get_args(Approximation)
 LONG = 0.1
 """The largest sphere under a sole, and how far soles may reach beyond what the controller takes for them [m]."""
 
 
 @dataclass(frozen=True)
-class SoleSpec:
+class SoleSpec(Checked):
     """A soft layer under each sole, that lets the foot sink, tilt and roll: springs in a grid, on a rigid floor.
 
     Each of nx ny points carries k/(nx ny) of its depth and never pulls. At rest under a force F, c [m] off the middle
@@ -40,21 +39,13 @@ class SoleSpec:
             relaxation time instead.
     """
 
-    stiffness: float
-    points: tuple[int, ...] = (5, 3)
-    dissipation: float = 10.0
-
-    def __post_init__(self) -> None:
-        if not 0.0 < self.stiffness < math.inf:
-            raise ParamsError(f"ground.sole.stiffness: expected a positive number [N/m], got {self.stiffness:g}")
-        if len(self.points) != 2 or min(self.points) < 2:
-            raise ParamsError(f"ground.sole.points: expected two numbers, 2 or more each, got {list(self.points)}")
-        if not 0.0 <= self.dissipation < math.inf:
-            raise ParamsError(f"ground.sole.dissipation: expected a finite number >= 0, got {self.dissipation:g}")
+    stiffness: Positive
+    points: Annotated[tuple[int, ...], Range("two numbers, 2 or more each", 2, size=2)] = (5, 3)
+    dissipation: FromZero = 10.0
 
 
 @dataclass(frozen=True)
-class GroundSpec:
+class GroundSpec(Checked):
     """The floor z = 0 and how soles and points touch it: a sphere at each corner, point contact.
 
     Attributes:
@@ -72,35 +63,20 @@ class GroundSpec:
         supports: Boxes beside the floor that are as hard as the floor, for example a wall or a table.
     """
 
-    friction: float = 0.8
-    stiffness: float | None = None
-    dissipation: float = 1.0
-    radius: float = 0.01
-    margin: float = 0.005
+    friction: FromZero = 0.8
+    stiffness: Positive | None = None
+    dissipation: FromZero = 1.0
+    radius: Annotated[float, Range(f"a length above 0, {LONG:g} at most", 0.0, LONG, above=True)] = 0.01
+    margin: Annotated[float, Range(f"a length of {-LONG:g} to {LONG:g}", -LONG, LONG)] = 0.005
     approximation: Approximation | None = None
-    stiction_tolerance: float = 1e-5
+    stiction_tolerance: Positive = 1e-5
     sole: SoleSpec | None = None
     supports: tuple[ObjectSpec, ...] = ()
 
     def __post_init__(self) -> None:
-        if not (0.0 <= self.friction < math.inf and 0.0 <= self.dissipation < math.inf):
-            raise ParamsError("ground: expected finite friction and dissipation >= 0")
-        if not 0.0 < self.radius <= LONG:
-            raise ParamsError(f"ground.radius: expected a length above 0, {LONG:g} m at most, got {self.radius:g}")
-        if not -LONG <= self.margin <= LONG:
-            raise ParamsError(f"ground.margin: expected a length of {-LONG:g} to {LONG:g} m, got {self.margin:g}")
-        if self.stiffness is not None and not 0.0 < self.stiffness < math.inf:
-            raise ParamsError(f"ground.stiffness: expected a positive number [N/m], got {self.stiffness:g}")
+        super().__post_init__()
         if self.stiffness is not None and self.sole is not None:
             raise ParamsError("ground: expected either stiffness, of hard soles, or sole, got both")
-        if not 0.0 < self.stiction_tolerance < math.inf:
-            raise ParamsError(
-                f"ground.stiction_tolerance: expected a positive speed [m/s], got {self.stiction_tolerance:g}"
-            )
-        if self.approximation is not None and self.approximation not in APPROXIMATIONS:
-            raise ParamsError(
-                f"ground.approximation: expected one of {', '.join(APPROXIMATIONS)}, got {self.approximation!r}"
-            )
 
     @property
     def solver(self) -> Approximation:
@@ -110,7 +86,7 @@ class GroundSpec:
 
 WIDE, THICK = 20.0, 1.0
 """The floor is the top of a block [m]."""
-_APPROXIMATIONS: dict[Approximation, Any] = {
+APPROXIMATIONS: dict[Approximation, Any] = {
     "lagged": DiscreteContactApproximation.kLagged,
     "sap": DiscreteContactApproximation.kSap,
     "similar": DiscreteContactApproximation.kSimilar,
@@ -156,7 +132,7 @@ def add_ground(plant: MultibodyPlant, contacts: Sequence[Contact], spec: GroundS
             pose = contact.frame.pose.transform.multiply(RigidTransform(middle))
             plant.RegisterCollisionGeometry(body, pose, Sphere(spec.radius), f"{contact.name}_{number}", material)
     plant.set_contact_model(ContactModel.kPoint)  # without a search for pressure fields, which no shape has
-    plant.set_discrete_contact_approximation(_APPROXIMATIONS[spec.solver])
+    plant.set_discrete_contact_approximation(APPROXIMATIONS[spec.solver])
     plant.set_stiction_tolerance(spec.stiction_tolerance)
 
 

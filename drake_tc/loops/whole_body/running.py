@@ -17,17 +17,16 @@ from pydrake.systems.framework import Context, DiagramBuilder, OutputPort
 from scipy.ndimage import uniform_filter1d
 from threadpoolctl import threadpool_limits
 
-from drake_tc.actuation.joint_effects import Models
 from drake_tc.errors import ParamsError, SimulationError
 from drake_tc.loops.built_loop import BuiltLoop, Start
 from drake_tc.loops.fused import StageValues, fused_stages
+from drake_tc.loops.loop_builder import behind
 from drake_tc.loops.plant import add_pushes, add_robot_plant, check_masses, set_masses
 from drake_tc.loops.recording import Progress, Recording, write_log
 from drake_tc.loops.whole_body.drives import drive_models, known_drives
 from drake_tc.loops.whole_body.ground import add_ground
 from drake_tc.loops.whole_body.references import POSITION, contact_source, task_source
 from drake_tc.loops.whole_body.scenario import TsidScenario
-from drake_tc.loops.whole_body.series_elastic_drives import spring_models
 from drake_tc.loops.whole_body.wiring import add_whole_body_loop
 from drake_tc.robot.link_changes import link_changes
 from drake_tc.robot.plant import joint_limits
@@ -86,14 +85,13 @@ def build_tsid(scenario: TsidScenario, *, meshcat: bool = False, fused: bool = F
     robot = law.model.robot
     builder = DiagramBuilder()
     plant = add_grounded_plant(builder, scenario, law, meshcat=meshcat)
-    models, controller_models = _models(scenario, robot)
     loop = add_whole_body_loop(
         builder,
         plant,
         law,
         scenario,
-        models=models,
-        controller_models=controller_models,
+        models=drive_models(scenario, robot),
+        controller_models=drive_models(scenario, robot, controller=True),
         references={name: task_source(law, name, spec) for name, spec in scenario.motion.items()},
         contacts=_contacts(builder, scenario, law),
     )
@@ -137,26 +135,12 @@ def add_grounded_plant(
     return plant
 
 
-def _models(scenario: TsidScenario, robot: Robot) -> tuple[Models | None, Models | None]:
-    """The simulated drives and what the torque control takes them for; None where there are no drives.
-
-    Raises:
-        ParamsError: a file that is missing or cannot be read.
-    """
-    if scenario.torque == "direct":
-        return None, None
-    if scenario.torque == "series_elastic":
-        return spring_models(scenario, robot), None
-    return drive_models(scenario, robot), drive_models(scenario, robot, controller=True)
-
-
 def _contacts(builder: DiagramBuilder, scenario: TsidScenario, law: Law) -> OutputPort | None:
     """The contacts on which the controller stands; None where it stands on all of them."""
     if not scenario.lifted:
         return None
     switch = contact_source(law.model.contacts, scenario.lifted, scenario.duration, law.period)
-    contacts: OutputPort = builder.AddNamedSystem("contacts", switch).get_output_port()
-    return contacts
+    return behind(builder, "contacts", switch)
 
 
 def _law(scenario: TsidScenario) -> Law:

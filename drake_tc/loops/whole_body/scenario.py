@@ -6,21 +6,21 @@ Series-elastic drives and the base estimator under a whole-body controller, as d
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
-from drake_tc.config.records import check_choices
+from drake_tc.config.records import Checked, FromZero, Positive, Range
 from drake_tc.control.series_elastic import SeriesElasticSpec
 from drake_tc.control.torque_law import CompensationSpec
 from drake_tc.errors import ParamsError
 from drake_tc.estimation.base_estimator import METHODS
-from drake_tc.loops.scenarios import PushSpec, ScenarioBase, check_run, check_seed
+from drake_tc.loops.scenarios import PushSpec, ScenarioBase, Seed, check_masses
 from drake_tc.loops.whole_body.ground import GroundSpec
 from drake_tc.loops.whole_body.references import KnotSpec, SpanSpec
 from drake_tc.sensing.spec import SensorFault, SensorSpec
 
 
 @dataclass(frozen=True)
-class SpringDrivesSpec:
+class SpringDrivesSpec(Checked):
     """Voltage-driven series-elastic joints, their sensors and their torque control.
 
     Attributes:
@@ -45,26 +45,17 @@ class SpringDrivesSpec:
     actuators: str | None = None
     model_factors: Mapping[str, float] = field(default_factory=dict)
     control: SeriesElasticSpec = field(default_factory=SeriesElasticSpec)
-    delay: float = 0.015
-    acceleration_bandwidth: float = 0.0
-    joint_damping: float = 0.0
+    delay: FromZero = 0.015
+    acceleration_bandwidth: FromZero = 0.0
+    joint_damping: FromZero = 0.0
     damped_joints: tuple[str, ...] = ()
-    position_gain: float = 0.0
+    position_gain: FromZero = 0.0
     link_from: Literal["motor", "link"] = "motor"
     motor_encoder: SensorSpec = field(default_factory=lambda: SensorSpec(resolution=1.534e-5))
     gauge: SensorSpec = field(default_factory=lambda: SensorSpec(noise=0.02))
 
     def __post_init__(self) -> None:
-        if self.link_from not in ("motor", "link"):
-            raise ParamsError(f"series_elastic.link_from: expected motor or link, got {self.link_from!r}")
-        for name, value, unit in (
-            ("delay", self.delay, "a time >= 0 [s]"),
-            ("acceleration_bandwidth", self.acceleration_bandwidth, "a number >= 0 [rad/s]"),
-            ("joint_damping", self.joint_damping, "a number >= 0 [N m s/rad]"),
-            ("position_gain", self.position_gain, "a number >= 0 [N m/rad]"),
-        ):
-            if not 0.0 <= value < math.inf:
-                raise ParamsError(f"series_elastic.{name}: expected {unit}, got {value:g}")
+        super().__post_init__()
         if self.damped_joints and not self.joint_damping:
             raise ParamsError("series_elastic.damped_joints: expected a joint_damping > 0 beside it, got none")
         for name in ("joint_damping", "acceleration_bandwidth"):
@@ -93,7 +84,7 @@ _SWITCHES = {"quick_start"}
 
 
 @dataclass(frozen=True)
-class BaseEstimationSpec:
+class BaseEstimationSpec(Checked):
     """The base estimator of the controller.
 
     Attributes:
@@ -112,12 +103,13 @@ class BaseEstimationSpec:
     beside: str | None = None
     make: float = 0.05
     break_: float = 0.02
-    velocity_window: int = 15
+    velocity_window: Annotated[int, Range("4 or more", 4)] = 15
     sole_stiffness: float | None = None
-    sole_points: tuple[int, ...] = (5, 3)
+    sole_points: Annotated[tuple[int, ...], Range("two numbers", size=2)] = (5, 3)
     tuning: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         for name, method in (("method", self.method), ("beside", self.beside or self.method)):
             if method not in METHODS:
                 raise ParamsError(f"estimator.{name}: expected one of {', '.join(METHODS)}, got {method!r}")
@@ -134,14 +126,10 @@ class BaseEstimationSpec:
             if isinstance(value, bool) != (name in _SWITCHES):
                 kind = "true or false" if name in _SWITCHES else "a number or a word"
                 raise ParamsError(f"estimator.tuning.{name}: expected {kind}, got {value!r}")
-        if self.velocity_window < 4:
-            raise ParamsError(f"estimator.velocity_window: expected 4 samples or more, got {self.velocity_window}")
-        if len(self.sole_points) != 2:
-            raise ParamsError(f"estimator.sole_points: expected two numbers, got {list(self.sole_points)}")
 
 
 @dataclass(frozen=True)
-class DrivesSpec:
+class DrivesSpec(Checked):
     """The drives under the controller and their torque control (Del Prete et al., 2016).
 
     Attributes:
@@ -156,17 +144,13 @@ class DrivesSpec:
 
     actuators: str | None = None
     model: str | None = None
-    kp: float = 1.0
+    kp: FromZero = 1.0
     compensation: CompensationSpec = field(default_factory=CompensationSpec)
-    start_time: float = 0.3
-
-    def __post_init__(self) -> None:
-        if not (0.0 <= self.kp < math.inf and 0.0 < self.start_time < math.inf):
-            raise ParamsError(f"drives: expected kp >= 0 and start_time > 0, got {self.kp:g} and {self.start_time:g}")
+    start_time: Positive = 0.3
 
 
 @dataclass(frozen=True)
-class TorqueErrorSpec:
+class TorqueErrorSpec(Checked):
     """e ~ N(0, Sigma) that is added to the torques of the plant.
 
     Attributes:
@@ -175,12 +159,8 @@ class TorqueErrorSpec:
         hold: Time for which a random error is held [s].
     """
 
-    scale: float = 1.0
-    hold: float = 1e-3
-
-    def __post_init__(self) -> None:
-        if not (0.0 <= self.scale < math.inf and 0.0 < self.hold < math.inf):
-            raise ParamsError(f"torque_error: expected scale >= 0 and hold > 0, got {self.scale:g} and {self.hold:g}")
+    scale: FromZero = 1.0
+    hold: Positive = 1e-3
 
 
 SENSORS = "realistic"
@@ -190,7 +170,7 @@ FALLIBLE = ("encoder", "motor_encoder", "gauge", "imu", "force_torque", "contact
 
 
 @dataclass(frozen=True, kw_only=True)
-class WholeBodySpec:
+class WholeBodySpec(Checked):
     """What stands between a whole-body controller and its robot.
 
     Attributes:
@@ -214,7 +194,7 @@ class WholeBodySpec:
         1.0
     """
 
-    seed: int = 0
+    seed: Seed = 0
     state: Literal["plant", "estimated", "base_estimator"] = "plant"
     torque: Literal["direct", "drives", "series_elastic"] = "direct"
     sensors: Any = SENSORS
@@ -224,10 +204,6 @@ class WholeBodySpec:
     torque_error: TorqueErrorSpec | None = None
     ground: GroundSpec = field(default_factory=GroundSpec)
     faults: Mapping[str, tuple[SensorFault, ...]] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        check_choices(self)
-        check_seed(self.seed)
 
     @property
     def validated(self) -> bool:
@@ -255,8 +231,8 @@ class TsidScenario(ScenarioBase, WholeBodySpec):
 
     controller: str
     changes: Mapping[str, Any] = field(default_factory=dict)
-    duration: float = 2.0
-    plant_step: float = 1e-3
+    duration: Positive = 2.0
+    plant_step: Positive = 1e-3
     motion: Mapping[str, KnotSpec] = field(default_factory=dict)
     lifted: Mapping[str, tuple[SpanSpec, ...]] = field(default_factory=dict)
     pushes: tuple[PushSpec, ...] = ()
@@ -264,7 +240,8 @@ class TsidScenario(ScenarioBase, WholeBodySpec):
     source: str = "."
 
     def __post_init__(self) -> None:
-        check_run(self, ("duration", "plant_step"))
+        super().__post_init__()
+        check_masses(self.masses)
         if self.torque_error is not None and self.torque_error.hold < self.plant_step:
             raise ParamsError(
                 f"torque_error.hold: expected plant_step {self.plant_step:g} s or more, got {self.torque_error.hold:g}"

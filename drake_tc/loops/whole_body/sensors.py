@@ -22,7 +22,7 @@ from drake_tc.estimation.torque_model import TorqueModel
 from drake_tc.filtering.savitzky_golay import SavitzkyGolayFilter
 from drake_tc.loops.built_loop import Start
 from drake_tc.loops.fused import StageValues
-from drake_tc.loops.loop_builder import LoopBuilder, first_imu, picked, total
+from drake_tc.loops.loop_builder import LoopBuilder, behind, first_imu, picked, total
 from drake_tc.loops.whole_body.scenario import WholeBodySpec
 from drake_tc.robot.plant import add_robot, check_joint_types
 from drake_tc.robot.robot import Robot
@@ -128,11 +128,7 @@ def sensor_specs(scenario: WholeBodySpec, period: float) -> SensorSuiteSpec:
     Raises:
         ParamsError: an unknown preset or field.
     """
-    if isinstance(scenario.sensors, SensorSuiteSpec):
-        suite = scenario.sensors
-    else:
-        entry = {"preset": scenario.sensors} if isinstance(scenario.sensors, str) else scenario.sensors
-        suite = load_suite("sensors", entry)
+    suite = load_suite("sensors", scenario.sensors)
     late = {name: replace(getattr(suite, name), latency=max(period, getattr(suite, name).latency)) for name in _IMU}
     return replace(suite, **late)
 
@@ -192,20 +188,10 @@ def estimator_spec(wiring: WholeBodyBuilder) -> BaseEstimatorSpec:
         loads = options.make * weight, options.break_ * weight
         contacts.append(ContactSpec(contact.frame, sole, sensor, *loads, soft, points))
     try:
-        return replace(BaseEstimatorSpec(tuple(contacts), law.period, imu_age(scenario, law.period)), **options.tuning)
+        age = sensor_specs(scenario, law.period).gyro.latency  # of the readings at a tick
+        return replace(BaseEstimatorSpec(tuple(contacts), law.period, age), **options.tuning)
     except TypeError as error:
         raise ParamsError(f"estimator.tuning: {error}") from None
-
-
-def imu_age(scenario: WholeBodySpec, period: float) -> float:
-    """How old the IMU's readings are at a tick [s].
-
-    Args:
-        scenario: Whose sensors they are.
-        period: Of the controller [s].
-    """
-    latency: float = sensor_specs(scenario, period).gyro.latency
-    return latency
 
 
 def sensor_of(robot: Robot, contact: Contact) -> int:
@@ -281,5 +267,4 @@ def _held_off(wiring: WholeBodyBuilder, contacts: OutputPort) -> OutputPort:
     """0 where a contact carries (1), -1 where it does not (0)."""
     k, builder = contacts.size(), wiring.builder
     less: Any = -np.ones(k)
-    one = builder.AddNamedSystem("minus_one", ConstantVectorSource(less))
-    return total(builder, "contact_switch", contacts, one.get_output_port())
+    return total(builder, "contact_switch", contacts, behind(builder, "minus_one", ConstantVectorSource(less)))

@@ -7,7 +7,7 @@ With a `position_gain` position_control around the motors' own encoders takes th
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -16,7 +16,6 @@ from pydrake.systems.framework import OutputPort
 from pydrake.systems.primitives import ConstantVectorSource, LinearSystem
 
 from drake_tc.actuation.model import ActuatorModel
-from drake_tc.actuation.model_file import models_of_joints
 from drake_tc.actuation.plant import ActuatorPlant
 from drake_tc.actuation.wiring import add_actuators, joint_inertias
 from drake_tc.control.series_elastic import MotorPositionControl, SeriesElasticControl
@@ -24,10 +23,9 @@ from drake_tc.errors import ParamsError
 from drake_tc.estimation.link_position import LinkPosition, spring_times
 from drake_tc.loops.built_loop import Start
 from drake_tc.loops.fused import StageValues
-from drake_tc.loops.loop_builder import late, picked, product, total
-from drake_tc.loops.whole_body.scenario import TsidScenario
+from drake_tc.loops.loop_builder import behind, late, picked, product, total
+from drake_tc.loops.scenarios import erring
 from drake_tc.loops.whole_body.sensors import WholeBodyBuilder, required_models
-from drake_tc.robot.robot import Robot
 from drake_tc.sensing.sensor import Sensor
 from drake_tc.sensing.suite import sensor_seed
 from drake_tc.types import FloatArray
@@ -63,23 +61,6 @@ class SpringCommand:
     held: Any = None
 
 
-def spring_models(scenario: TsidScenario, robot: Robot) -> dict[str, ActuatorModel]:
-    """The simulated drives, joint by joint.
-
-    Raises:
-        ParamsError: no model file, or one that lacks a joint.
-    """
-    named = scenario.series_elastic.actuators
-    path = robot.actuators if named is None else scenario.path(named)
-    if path is None:
-        raise ParamsError(
-            f"{robot.source}: expected `actuators`, here or in the scenario's series_elastic, got neither"
-        )
-    models: dict[str, ActuatorModel] = models_of_joints(path, robot.joints)
-    check_springs(models, str(path))
-    return models
-
-
 def check_springs(models: Mapping[str, ActuatorModel], source: str = "models") -> None:
     """Every joint has a voltage drive behind a spring.
 
@@ -91,32 +72,6 @@ def check_springs(models: Mapping[str, ActuatorModel], source: str = "models") -
             raise ParamsError(
                 f"{source}: {joint}: expected a voltage drive and an elasticity; the model lacks one of them"
             )
-
-
-def controller_models_of(models: Mapping[str, ActuatorModel], factors: Mapping[str, float]) -> list[ActuatorModel]:
-    """What the controller takes the drives for.
-
-    Args:
-        models: The simulated drives.
-        factors: `gain` or an effect, to a factor on all its parameters.
-
-    Raises:
-        ParamsError: a factor for what no drive has.
-    """
-    known = {"gain", *(value.key for model in models.values() for value in model.effects)}
-    if strange := sorted(set(factors) - known):
-        raise ParamsError(
-            f"series_elastic.model_factors: no {strange[0]!r} in the models; there: {', '.join(sorted(known))}"
-        )
-    found = []
-    for model in models.values():
-        drive = replace(model.drive, gain=model.drive.gain * factors.get("gain", 1.0))
-        effects = [
-            replace(value, parameters={k: factors.get(value.key, 1.0) * v for k, v in value.parameters.items()})
-            for value in model.effects
-        ]
-        found.append(replace(model, drive=drive, effects=tuple(effects)))
-    return found
 
 
 def add_spring_drives(wiring: WholeBodyBuilder, plant: MultibodyPlant) -> tuple[ActuatorPlant, SpringReadings]:
@@ -232,7 +187,8 @@ def drive_springs(wiring: WholeBodyBuilder, actuators: ActuatorPlant, command: S
 
 def _assumed(wiring: WholeBodyBuilder) -> list[ActuatorModel]:
     """What the controller takes the drives for."""
-    return controller_models_of(required_models(wiring, "models"), wiring.scenario.series_elastic.model_factors)
+    factors = wiring.scenario.series_elastic.model_factors
+    return erring(required_models(wiring, "models").values(), factors, "series_elastic.model_factors")
 
 
 def _track_torque(wiring: WholeBodyBuilder, springs: SpringReadings, torque: OutputPort) -> OutputPort:
@@ -283,10 +239,7 @@ def _desired_acceleration(wiring: WholeBodyBuilder, bandwidth: float) -> OutputP
     b: Any = share * one
     c: Any = one
     d: Any = 0.0 * one
-    smooth: Any = builder.AddNamedSystem("smooth_acceleration", LinearSystem(a, b, c, d, law.period))
-    builder.Connect(desired, smooth.get_input_port())
-    port: OutputPort = smooth.get_output_port()
-    return port
+    return behind(builder, "smooth_acceleration", LinearSystem(a, b, c, d, law.period), desired)
 
 
 def _wind(actuators: ActuatorPlant, values: StageValues, torque: FloatArray, voltage: FloatArray) -> None:

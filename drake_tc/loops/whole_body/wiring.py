@@ -39,7 +39,6 @@ from drake_tc.loops.whole_body.series_elastic_drives import (
     add_spring_drives,
     check_springs,
     drive_springs,
-    spring_models,
 )
 from drake_tc.robot.plant import joint_limits
 from drake_tc.sensing.suite import Readings, SensorSuite
@@ -348,16 +347,10 @@ def scenario_controller(scenario: TsidScenario) -> Controller:
         ParamsError: a file that cannot be read, or names or times that do not fit.
     """
     law = load_law(scenario.path(scenario.controller), scenario.changes, known_drives(scenario))
-    robot = law.model.robot
-    models: Models | None = None
-    if scenario.torque == "series_elastic":
-        models = spring_models(scenario, robot)
-    elif scenario.torque == "drives":
-        models = drive_models(scenario, robot, controller=True)
     lifts = contact_source(law.model.contacts, scenario.lifted, scenario.duration, law.period)
     return whole_body_controller(
         law,
-        models,
+        drive_models(scenario, law.model.robot, controller=True),
         {name: task_source(law, name, spec) for name, spec in scenario.motion.items()},
         scenario,
         contacts=lifts if scenario.lifted else None,

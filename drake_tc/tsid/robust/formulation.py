@@ -5,11 +5,11 @@ min J subject to R <= R_min (eq. 5) is solved by the weight at which the trade-o
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import Literal, get_args
+from typing import Annotated, Literal
 
 import numpy as np
 
-from drake_tc.errors import ParamsError
+from drake_tc.config.records import Checked, Positive, Range
 from drake_tc.kernels.calls import Kernel
 from drake_tc.tsid.qp import Outcome, QpSolver
 from drake_tc.tsid.robust import measures
@@ -164,7 +164,7 @@ LEAST = 1e-8
 
 
 @dataclass(frozen=True)
-class Formulation:
+class Formulation(Checked):
     """One way to choose torques tau on lower <= G tau <= upper, with J = ||D tau - d||^2 and R = -log p.
 
     Uses:
@@ -187,21 +187,9 @@ class Formulation:
 
     measure: MeasureName = "individual"
     use: Use = "trade_off"
-    weight: float = 1.0
-    minimum: float = 0.05
+    weight: Positive = 1.0
+    minimum: Annotated[float, Range(f"a finite number >= {LEAST:g}", LEAST)] = 0.05
     options: Options = field(default_factory=Options)
-
-    def __post_init__(self) -> None:
-        for name, value, names in (
-            ("measure", self.measure, get_args(MeasureName)),
-            ("use", self.use, get_args(Use)),
-        ):
-            if value not in names:
-                raise ParamsError(f"{name}: expected one of {sorted(names)}, got {value!r}")
-        if not (self.weight > 0.0 and np.isfinite(self.weight)):
-            raise ParamsError(f"weight: expected a finite number > 0, got {self.weight}")
-        if not (self.minimum >= LEAST and np.isfinite(self.minimum)):
-            raise ParamsError(f"minimum: expected a finite number >= {LEAST:g}, got {self.minimum}")
 
     def solve(
         self,

@@ -70,5 +70,5 @@ def test_a_late_imu_costs_nothing_that_its_age_does_not_give_back():
 
 @pytest.mark.parametrize("age", [-1e-3, np.inf, np.nan])
 def test_what_is_refused(age):
-    with pytest.raises(ParamsError, match="imu_age: expected a time >= 0"):
+    with pytest.raises(ParamsError, match="imu_age: expected a number >= 0"):
         spec(DT, imu_age=age)

@@ -10,13 +10,10 @@ from drake_tc.array_stage import Arrays, ArrayStage, offered_stage
 from drake_tc.control.reference_source import ReferenceSource, StoppingReference
 from drake_tc.control.references import PointToPoint
 from drake_tc.estimation.link_position import LinkPosition
-from drake_tc.loops.whole_body.drives import DesiredMotion
-from drake_tc.loops.whole_body.scenario import TsidScenario
 from drake_tc.sensing.sensor import Sensor, SensorFault, SensorSpec
-from drake_tc.tsid.configuration import load_law
 from drake_tc.types import FloatArray
 
-from .test_whole_body import COMAN, wired
+from .test_whole_body import wired
 
 PERIOD = 1e-3
 TICKS = 250
@@ -25,8 +22,6 @@ ODD = np.array([np.nan, np.inf, -np.inf, 1e300, -0.0])
 
 def others() -> list[Any]:
     """Stages that the loop of `wired` does not have."""
-    spec = TsidScenario.load(COMAN, "stand")
-    model = load_law(spec.path(spec.controller), spec.changes).model
     frozen = SensorFault(kind="frozen", start=0.02, duration=0.05, channels=(0,))
     late = SensorFault(kind="late", start=0.1, duration=0.05, value=0.004)
     path = ReferenceSource(PointToPoint((0.0,) * 3, (1.0,) * 3, 0.01, 0.2))
@@ -35,7 +30,6 @@ def others() -> list[Any]:
         path,
         StoppingReference(path, PERIOD),
         LinkPosition(np.full(4, 0.01), np.full(4, 0.002), PERIOD),
-        DesiredMotion(model, 0.002),
         Sensor(2, SensorSpec(noise=0.1, latency=0.003), PERIOD, (frozen, late), seed=3),
     ]
 

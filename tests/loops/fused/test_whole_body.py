@@ -13,10 +13,10 @@ from sweeps import slow_but
 import drake_tc.diagrams
 from drake_tc.loops.fused import FusedStages, StageValues, fuse, fused_stages
 from drake_tc.loops.plant import add_robot_plant
+from drake_tc.loops.whole_body.drives import drive_models
 from drake_tc.loops.whole_body.ground import add_ground
 from drake_tc.loops.whole_body.running import build_tsid
 from drake_tc.loops.whole_body.scenario import BaseEstimationSpec, TorqueErrorSpec, TsidScenario
-from drake_tc.loops.whole_body.series_elastic_drives import spring_models
 from drake_tc.loops.whole_body.wiring import WholeBodyLoop, add_whole_body_loop
 from drake_tc.tsid.configuration import load_law
 from drake_tc.types import FloatArray
@@ -137,7 +137,7 @@ def wired(**own: Any) -> tuple[DiagramBuilder, WholeBodyLoop]:
     plant = add_robot_plant(
         builder, robot, scene=True, prepare=lambda plant: add_ground(plant, law.model.contacts, spec.ground)
     )
-    return builder, add_whole_body_loop(builder, plant, law, spec, models=spring_models(spec, robot), **own)
+    return builder, add_whole_body_loop(builder, plant, law, spec, models=drive_models(spec, robot), **own)
 
 
 def run(builder: DiagramBuilder, loop: WholeBodyLoop, stages: FusedStages | None, log: Any) -> dict[str, FloatArray]:

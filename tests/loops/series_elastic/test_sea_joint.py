@@ -87,10 +87,10 @@ def test_a_run_comes_to_a_summary_and_to_files_that_close_loop_reads(tmp_path):
     ("text", "says"),
     [
         ("{joint: elbow}", "no model of joint 'elbow'"),
-        ("{model_factors: {ripple: 1.0}}", "model_factors: no 'ripple' in the model of 'r_knee'; there: gain"),
+        ("{model_factors: {ripple: 1.0}}", "model_factors: no 'ripple' in the models; there: coulomb, elast"),
         ("{delay: 0.0153}", "delay: expected a multiple of dt"),
         ("{torque_from: guess}", "torque_from: expected one of gauge, deflection, got 'guess'; did you mean 'gauge'"),
-        ("{hand: {stiffness: -1.0}}", "hand: expected finite stiffness"),
+        ("{hand: {stiffness: -1.0}}", r"hand.stiffness: expected a number >= 0 \[N m/rad\], got -1"),
         ("{hand: {stiffness: 1.0, times: [0.0, 1.0], knots: [0.0]}}", "as many knots as times"),
         ("{reference: {of: force}}", "reference.of: expected one of torque, position, got 'force'"),
         ("{control: {kp: -1.0}}", "control.kp"),

@@ -18,7 +18,6 @@ from drake_tc.loops.whole_body.drives import drive_models
 from drake_tc.loops.whole_body.references import contact_source, task_source
 from drake_tc.loops.whole_body.running import add_grounded_plant, build_tsid, run_tsid
 from drake_tc.loops.whole_body.scenario import TsidScenario
-from drake_tc.loops.whole_body.series_elastic_drives import spring_models
 from drake_tc.loops.whole_body.wiring import add_whole_body_loop, scenario_controller, whole_body_controller
 from drake_tc.tsid.configuration import load_law
 
@@ -34,12 +33,6 @@ CASES = {
 }
 
 
-def models_of(scenario, robot):
-    return {"direct": lambda *_: None, "drives": drive_models, "series_elastic": spring_models}[scenario.torque](
-        scenario, robot
-    )
-
-
 def simulated(scenario, law, duration=0.08):
     """What the simulated controller read before its springs were wound, and then at each tick; what it commanded."""
     builder, robot = DiagramBuilder(), law.model.robot
@@ -49,7 +42,7 @@ def simulated(scenario, law, duration=0.08):
         switch = contact_source(law.model.contacts, scenario.lifted, scenario.duration, law.period)
         contacts = builder.AddNamedSystem("contacts", switch).get_output_port()
     references = {name: task_source(law, name, spec) for name, spec in scenario.motion.items()}
-    models = models_of(scenario, robot)
+    models = drive_models(scenario, robot)
     loop = add_whole_body_loop(builder, plant, law, scenario, models=models, references=references, contacts=contacts)
     read = {"state": loop.signals["state"]} if scenario.state == "plant" else {}
     if loop.sensors is not None:
@@ -86,7 +79,7 @@ def test_commands_are_those_of_the_simulated_loop(case, fused):
     commanded = signals.pop("command")
     controller = whole_body_controller(
         law,
-        models_of(scenario, law.model.robot),
+        drive_models(scenario, law.model.robot),
         {name: task_source(law, name, spec) for name, spec in scenario.motion.items()},
         scenario,
         contacts="input" if scenario.lifted else None,
@@ -114,7 +107,7 @@ def test_motors_are_held_where_their_encoders_are_at_the_start():
     """V = gain K (theta_0 + tau_0/K - theta), limited: theta_0, here a reading, and tau_0 are constants that differ."""
     scenario = TsidScenario.load(COMAN, "pushed_held")
     law = load_law(scenario.path(scenario.controller), scenario.changes)
-    models = models_of(scenario, law.model.robot)
+    models = drive_models(scenario, law.model.robot)
     _, signals = simulated(scenario, law)
     commanded = signals.pop("command")
     stepper = ControllerStepper(whole_body_controller(law, models, spec=scenario), law.period)

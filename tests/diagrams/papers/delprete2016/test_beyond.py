@@ -85,7 +85,7 @@ def test_model_factors_change_the_controllers_model_alone():
         ("stairs_swing", "{observer: {}, rotor_inertia: {knee: 1.0}}", "rotor_inertia: no joint 'knee'"),
         ("stairs_swing", "{observer: {bandwith: 1.0}}", r"observer: unknown key 'bandwith'; did you mean 'bandwidth'"),
         ("stairs_swing", "{predictor: {bandwidth: -1.0}}", r"predictor\.bandwidth: expected a positive number"),
-        ("stairs_swing", "{model_factors: {k_tau: 0.0}}", "model_factors: expected k_tau > 0"),
+        ("stairs_swing", "{model_factors: {k_tau: 0.0}}", "model_factors.k_tau: expected a positive number"),
         ("suspended_swing", "{angular_acceleration: zero}", "angular_acceleration: expected gyro or neglected"),
         ("suspended_swing", "{suspension: {stiffness: [1.0, 1.0]}}", r"suspension\.stiffness: expected three"),
         ("suspended_swing", "{suspension: {stiffness: [1.0, 1.0, 0.0]}}", "a positive one along z"),

@@ -221,8 +221,8 @@ def test_damping_of_all_joints_shakes_the_arms():
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: SpringDrivesSpec(joint_damping=-1.0), "series_elastic.joint_damping: expected a number >= 0"),
-        (lambda: SpringDrivesSpec(position_gain=np.nan), "series_elastic.position_gain: expected a number >= 0"),
+        (lambda: SpringDrivesSpec(joint_damping=-1.0), "joint_damping: expected a number >= 0"),
+        (lambda: SpringDrivesSpec(position_gain=np.nan), "position_gain: expected a number >= 0"),
         (
             lambda: SpringDrivesSpec(damped_joints=("r_knee",)),
             "series_elastic.damped_joints: expected a joint_damping > 0 beside it",
