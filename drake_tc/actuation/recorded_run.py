@@ -98,9 +98,9 @@ class Link(Checked):
         zero: Position at which it hangs [rad].
     """
 
-    inertia: Annotated[float, Range(f"a number from {SMALLEST_INERTIA:g}", SMALLEST_INERTIA, LARGEST)]
-    gravity_moment: Annotated[float, Range("a number >= 0", 0.0, LARGEST)] = 0.0
-    zero: Annotated[float, Range("an angle", -LARGEST, LARGEST)] = 0.0
+    inertia: Annotated[float, Range(f"a number from {SMALLEST_INERTIA:g} to {LARGEST:g}", SMALLEST_INERTIA, LARGEST)]
+    gravity_moment: Annotated[float, Range(f"a number from 0 to {LARGEST:g}", 0.0, LARGEST)] = 0.0
+    zero: Annotated[float, Range(f"an angle from {-LARGEST:g} to {LARGEST:g}", -LARGEST, LARGEST)] = 0.0
 
 
 @dataclass(frozen=True)

@@ -131,16 +131,16 @@ def read_record(
 
 @dataclass(frozen=True)
 class Range:
-    """What the number of a field may be, or each number of a tuple: `Annotated[float, Range(...)]`.
+    """Possible values of a number, or of each number of a tuple, as in `Annotated[float, Range(...)]`.
 
     Attributes:
         words: What is expected, for the message.
-        lower: Least value.
+        lower: Smallest value.
         upper: Largest value.
-        above: Whether the least value is none itself.
-        whole: Whether numbers are whole.
-        infinite: Whether infinity is a value too.
-        size: Of a tuple; None: any.
+        above: Whether the value must exceed `lower`.
+        whole: Whether only whole numbers are possible.
+        infinite: Whether infinity is possible.
+        size: Number of values of a tuple; None: any.
     """
 
     words: str
@@ -152,7 +152,7 @@ class Range:
     size: int | None = None
 
     def holds(self, value: Any) -> bool:
-        """Whether a value, or a tuple, is possible; None stands for no value."""
+        """Whether a number, or every number of a tuple, is possible; None is always possible."""
         numbers = tuple(value) if isinstance(value, Iterable) else () if value is None else (value,)
         if not all(isinstance(x, Real) for x in numbers):
             return False
@@ -173,10 +173,10 @@ Six = Annotated[tuple[float, ...], Range("six finite numbers", size=6)]
 
 
 class Checked:
-    """Base of a frozen dataclass whose fields of choice are among their `Literal`s, and numbers within their `Range`s.
+    """Base of a frozen dataclass that checks its choices against their `Literal`, its numbers against their `Range`.
 
     Raises:
-        ParamsError: One is not; names the field and its unit.
+        ParamsError: A value is not possible; the message names the field and its unit.
     """
 
     def __post_init__(self) -> None:

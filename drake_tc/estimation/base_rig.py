@@ -91,7 +91,7 @@ class ContactSpec:
                     f"{where}: sole_stiffness: expected a number above 0 [N/m], got {self.sole_stiffness!r}"
                 )
         if len(self.sole_points) != 2 or min(self.sole_points) < 2:
-            raise ParamsError(f"{where}: sole_points: expected two numbers, 2 or more each, got {self.sole_points!r}")
+            raise ParamsError(f"{where}: sole_points: expected two numbers >= 2, got {self.sole_points!r}")
 
 
 def half_planes(where: str, corners: tuple[Point2, ...]) -> tuple[np.ndarray, np.ndarray]:

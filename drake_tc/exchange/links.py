@@ -69,7 +69,7 @@ def with_links(
     for name in where:
         mine = [each for each in causes if each.get("where") == name]
         if name not in bodies:
-            why = reason or f"{into.name if into else 'the file'} has no link of this name, or several"
+            why = reason or f"{into.name if into else 'the file'} has no link, or several links, of this name"
             told += [f"{_named(each)} was not written: {why}." for each in mine]
             told += [f"{name}: its fitted inertial parameters are not written: {why}."] if name in links else []
             continue
@@ -85,7 +85,7 @@ def _put(name: str, body: Body, causes: Sequence[Mapping[str, Any]], fitted: Map
     for cause in causes:
         found = changed(whole, cause)
         if found is None or found[0] <= 0.0:
-            told.append(f"{_named(cause)} was not written: a link of {whole[0]:.4g} kg cannot be changed by it")
+            told.append(f"{_named(cause)} was not written: it cannot be applied to a link of {whole[0]:.4g} kg")
             continue
         whole = found
         told.append(f"{_named(cause)} was written")

@@ -442,9 +442,9 @@ def _check_type(read: Mapping[str, MjcfJoint], projection: Projection, into: Pat
     joint, own = projection.joint, "slide" if projection.joint_type == "prismatic" else "hinge"
     if joint not in read:
         listed = ", ".join(read) or "none"
-        raise ParamsError(f"{into}: no <joint name={joint!r}> that is a hinge or slide; joints: {listed}")
+        raise ParamsError(f"{into}: no hinge or slide <joint name={joint!r}>; joints: {listed}")
     if read[joint].kind != own:
-        raise ParamsError(f"{into}: joint {joint!r} is a {read[joint].kind}, and the model's is a {own}")
+        raise ParamsError(f"{into}: joint {joint!r} is a {read[joint].kind}; the model has a {own}")
 
 
 def _add_bench(root: minidom.Element, projections: Sequence[Projection]) -> None:

@@ -267,9 +267,14 @@ def _gone_with_states(before: ET.Element, after: ET.Element) -> list[str]:
     lines = list[str]()
     for name in (each for each in states(before) if each not in states(after)):
         naming = (each for each in before.iter() if name in map(each.get, NAMING))
-        lines += [f"{_LINE.sub('', place(each))} of your file was removed with the joint {name}." for each in naming]
+        lines += [
+            f"{_LINE.sub('', place(each))} was removed from your file, because it refers to the removed joint {name}."
+            for each in naming
+        ]
     if any(key.get("act") for key in before.iter("key")) and not any(key.get("act") for key in after.iter("key")):
-        lines.append("The states of actuators (act) were removed from the keyframes: the drive has others now.")
+        lines.append(
+            "The actuator states (act) were removed from the keyframes, because the drive has other states now."
+        )
     return lines
 
 

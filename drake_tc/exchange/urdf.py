@@ -81,7 +81,7 @@ def _check_type(found: str, projection: Projection, into: Path | None) -> None:
         ParamsError: it does.
     """
     if (found == "prismatic") != (projection.joint_type == "prismatic"):
-        raise ParamsError(f"{into}: joint {projection.joint!r} is {found}, and the model's is {projection.joint_type}")
+        raise ParamsError(f"{into}: joint {projection.joint!r} is {found}; the model has a {projection.joint_type}")
 
 
 def _joint(element: minidom.Element, projection: Projection, *, friction: bool) -> None:

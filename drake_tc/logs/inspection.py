@@ -233,7 +233,7 @@ def _observed_beside_actions(found: Mapping[str, Meaning | None], notes: list[st
     positions |= {name: Meaning(joint, "position", name) for name, joint in own.items() if joint and joint in commands}
     if not positions or {each.joint for each in positions.values()} != commands:
         return {}
-    notes.append(f"The positions are assumed to be {', '.join(map(repr, positions))}, as many as there are commands.")
+    notes.append(f"Assumed positions: {', '.join(map(repr, positions))}, one for each command.")
     return positions
 
 
@@ -274,12 +274,10 @@ def _with_common_units(
     for larger, smaller in LARGER.items():
         told, others = ([each for each in guessed if each.unit == unit] for unit in (larger, smaller))
         if told and len(told) > len(others):
-            changed |= {each.name: replace(each, unit=larger, why=f"in {larger}, as most joints") for each in others}
+            changed |= {each.name: replace(each, unit=larger, why=f"in {larger}, like most joints") for each in others}
         elif told and others:
             here, there = (", ".join(repr(each.name) for each in own[:SHOWN]) for own in (told, others))
-            notes.append(
-                f"{here} are taken to be in {larger} and {there} in {smaller}: state the units under `units:`."
-            )
+            notes.append(f"Assumed units: {larger} for {here}, {smaller} for {there}. State the units under `units:`.")
     return tuple(changed.get(column.name, column) for column in columns)
 
 

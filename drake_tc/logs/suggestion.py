@@ -274,7 +274,7 @@ def suggested_rig(
         notes.append(f"The unit of {', '.join(map(repr, doubtful))} is not clear: state it under `units:`.")
     if counted := [column.name for column in used if COUNTED in column.why]:
         notes.append(
-            f"The counts per turn of {', '.join(map(repr, counted))} are a guess from the largest one: correct the"
+            f"The counts per turn of {', '.join(map(repr, counted))} are guessed from the largest value: correct the"
             " factors 2π/counts under `units:`."
         )
     notes += _other_drives(drives, by_joint)

@@ -190,7 +190,7 @@ class FilterSpec(Checked):
         2
     """
 
-    window: Annotated[int, Range("a whole number, 1 to 10000", 1, 10_000, whole=True)] = 80
+    window: Annotated[int, Range("a whole number from 1 to 10000", 1, 10_000, whole=True)] = 80
     encoder_order: int = 2
     inertial_order: int = 1
 
@@ -337,7 +337,7 @@ def erring(
     drives = list(models)
     known = sorted({"gain", *(value.key for model in drives for value in model.effects)})
     if strange := [name for name in factors if name not in known]:
-        raise ParamsError(f"{where}: no {strange[0]!r} in the models; there: {', '.join(known)}")
+        raise ParamsError(f"{where}: the models have no {strange[0]!r}; possible: {', '.join(known)}")
     out = []
     for model in drives:
         drive = replace(model.drive, gain=model.drive.gain * factors.get("gain", 1.0))

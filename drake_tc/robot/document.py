@@ -132,7 +132,7 @@ class RobotDocument(Keys):
     base_pose: PoseKeys | None = key(
         "Pose of the welded base in the world, or where a floating base starts.",
         example={"xyz": [0.0, 0.0, 1.0]},
-        absent="where fixed joints carry the base on a link `world` of the URDF, else at the origin",
+        absent="where fixed joints from a link `world` of the URDF place the base, else at the origin",
     )
     joints: Names = key(
         "Driven joints, in the order of every vector of joints.",

@@ -86,7 +86,8 @@ def _check_joints(where: str, joints: tuple[str, ...], tree: UrdfTree) -> None:
     for name in joints:
         if name in (mount.name for mount in tree.mounts.values()):
             raise ParamsError(
-                f"{where}: joint {name!r} stands on the link 'world', which never moves: rename that link"
+                f"{where}: the parent of joint {name!r} is the link 'world', which is reserved for the fixed world;"
+                " give that link another name"
             )
         if name not in tree.joints:
             listed = f"movable joints: {', '.join(tree.movable)}"
@@ -112,7 +113,7 @@ def _check_floating_base(base: str, joints: tuple[str, ...], tree: UrdfTree) -> 
 
 
 def _base_pose(base: str, tree: UrdfTree) -> Pose:
-    """X_WB of a base that fixed joints carry on the URDF's link `world`; the origin of one that has no such link."""
+    """X_WB by the fixed joints from the URDF's link `world` to the base; the identity without such joints."""
     X_LB, link, above = RigidTransform(), base, {joint.child: joint for joint in tree.joints.values()}
     while link in above and above[link].kind == "fixed":
         X_LB, link = above[link].origin.transform @ X_LB, above[link].parent
@@ -187,7 +188,7 @@ def _unused(urdf: Path, tree: UrdfTree, driven: Sequence[str], followers: Sequen
     told: dict[str, list[str]] = {}
     for mount in tree.mounts.values():
         if mount.movable:
-            of_world = f"that it moves {mount.child} on the link 'world' (it stays at 0)"
+            of_world = f"that it moves {mount.child} relative to the link 'world' (it is held at 0)"
             told.setdefault(of_world, []).append(f"{mount.name} (line {mount.line})")
     for name in (*driven, *followers):
         terms, parts = read[name].terms, []

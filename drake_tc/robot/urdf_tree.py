@@ -283,7 +283,7 @@ class UrdfTree:
         root: The XML element `robot`.
         links: Names.
         joints: Name to joint, in the file's order.
-        mounts: Joints on the link `world`, by the link that they carry.
+        mounts: Joints whose parent is the link `world`, by their child link.
     """
 
     root: ET.Element

@@ -171,7 +171,7 @@ class SensorFault(Checked):
     duration: float = math.inf
     channels: tuple[int, ...] | None = None
     value: Finite = 0.0
-    chance: Annotated[float, Range("a probability above 0, 1 at most", 0.0, 1.0, above=True)] = SPIKE_CHANCE
+    chance: Annotated[float, Range("a probability above 0 and at most 1", 0.0, 1.0, above=True)] = SPIKE_CHANCE
 
     def __post_init__(self) -> None:
         super().__post_init__()

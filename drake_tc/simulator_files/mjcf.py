@@ -361,7 +361,7 @@ def _with_damping_inside(
     """
     limit = min(whole, command)
     told = (
-        [f"the larger limit of {actuator.name}, which has a ctrlrange and a limit of the force"]
+        [f"the larger limit of {actuator.name}, which has both a ctrlrange and a force limit"]
         if damping and max(whole, command) < math.inf
         else []
     )

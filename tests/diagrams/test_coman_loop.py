@@ -203,7 +203,7 @@ def test_the_default_does_not_learn_slow_rocking_for_a_bias():
             lambda: BaseEstimationSpec(sole_points=(5, 3, 2)),
             "sole_points: expected two numbers, got .5, 3, 2.",
         ),
-        (lambda: BaseEstimationSpec(velocity_window=3), "velocity_window: expected 4 or more .samples., got 3"),
+        (lambda: BaseEstimationSpec(velocity_window=3), "velocity_window: expected a number >= 4 .samples., got 3"),
         (lambda: SpringDrivesSpec(link_from="air"), "link_from: expected one of motor, link, got 'air'"),
         (lambda: SpringDrivesSpec(delay=-1.0), "delay: expected a number >= 0"),
         (
@@ -228,7 +228,7 @@ def test_the_default_does_not_learn_slow_rocking_for_a_bias():
         ),
         (
             lambda: build_tsid(scenario("stand", "{series_elastic: {model_factors: {ripple: 1.0}}}")),
-            "series_elastic.model_factors: no 'ripple' in the models; there: coulomb, elasticity, gain",
+            "series_elastic.model_factors: the models have no 'ripple'; possible: coulomb, elasticity, gain",
         ),
         (lambda: build_tsid(scenario("stand", "{estimator: {tuning: {guess: 1.0}}}")), "estimator.tuning: .*'guess'"),
     ],

@@ -96,8 +96,8 @@ def test_parameters_of_no_body_become_those_of_the_nearest_one_and_the_loss_is_t
     [
         ("mjcf", False, "arm", "a bench has no links"),
         ("isaaclab", True, "arm", "the target has actuators only"),
-        ("urdf", True, "leg", "robot.urdf has no link of this name"),
-        ("urdf", True, "base", "a link of 0 kg cannot be changed by it"),
+        ("urdf", True, "leg", "robot.urdf has no link, or several links, of this name"),
+        ("urdf", True, "base", "it cannot be applied to a link of 0 kg"),
     ],
 )
 def test_what_is_not_written_is_named(tmp_path, target, into, where, why):
@@ -125,11 +125,11 @@ def test_what_no_link_or_several_have_by_name_is_not_written(tmp_path):
     two = SDF.replace('<model name="r">', '<world name="w"><model name="r">').replace("</model></sdf>", "</model>")
     two += SDF.split(">", 1)[1].replace('"r"', '"s"').replace("</sdf>", "</world></sdf>")
     (told,) = with_links(two, "sdf", tmp_path / "two.sdf", [MASS], {})[1]
-    assert "was not written: two.sdf has no link of this name, or several" in told
+    assert "was not written: two.sdf has no link, or several links, of this name" in told
     many = MJCF.replace('<body name="arm">', '<replicate count="2" offset="1 0 0"><body name="arm">')
     many = many.replace("</body></worldbody>", "</body></replicate></worldbody>")
     (told,) = with_links(many, "mjcf", tmp_path / "many.xml", [MASS], {})[1]
-    assert "was not written: many.xml has no link of this name, or several" in told
+    assert "was not written: many.xml has no link, or several links, of this name" in told
 
 
 def test_links_of_a_file_whose_joints_form_a_loop_are_not_written(tmp_path):
@@ -144,7 +144,7 @@ def test_links_of_a_file_whose_joints_form_a_loop_are_not_written(tmp_path):
 
 def test_a_mass_that_would_be_negative_is_not_written(tmp_path):
     written, (told,) = with_links(URDF, "urdf", tmp_path / "robot.urdf", [MASS | {"mass": -5.0}], {})
-    assert written.endswith(URDF) and "was not written: a link of 2.5 kg cannot be changed by it" in told
+    assert written.endswith(URDF) and "was not written: it cannot be applied to a link of 2.5 kg" in told
 
 
 def test_a_payload_on_a_flange_without_mass_is_a_body_that_mujoco_loads(tmp_path):

@@ -303,13 +303,13 @@ def test_keyframes_and_sensors_follow_the_hinge_of_a_gear_that_comes_and_goes(tm
     np.testing.assert_allclose(model.key_qpos[0], [1, 2, 3, 1, 0, 0, 0, 0.2, 0.0, 0.4])
     assert model.key_ctrl[0] == 0.3 and "act=" not in with_play
     told = changes(with_play, PLAY_OF_THE_KNEE, path)
-    assert "The states of actuators (act) were removed from the keyframes: the drive has others now." in told
+    assert "The actuator states (act) were removed from the keyframes, because the drive has other states now." in told
     path.write_text(with_play.replace("</mujoco>", "<sensor><jointpos joint='knee_backlash'/></sensor></mujoco>"))
     without = to_mjcf(SERVO_OF_THE_KNEE, path)
     model = mujoco.MjModel.from_xml_string(without)
     np.testing.assert_allclose(model.key_qpos[0], [1, 2, 3, 1, 0, 0, 0, 0.2, 0.4])
     told = changes(without, SERVO_OF_THE_KNEE, path)
-    assert "<jointpos> of your file was removed with the joint knee_backlash." in told
+    assert "<jointpos> was removed from your file, because it refers to the removed joint knee_backlash." in told
 
 
 def test_a_new_drive_stands_behind_the_others_whose_controls_keep_their_places(tmp_path):
@@ -342,11 +342,11 @@ def test_axis_and_type_of_a_joint_may_be_those_of_its_class(tmp_path):
     model = ActuatorModel("knee", SERVO, (spring,), joint_type="prismatic")
     data = forward(to_mjcf([project(model, TARGETS["mjcf"])], path))[1]
     assert data.qfrc_passive[0] == pytest.approx(-0.4)
-    with pytest.raises(ParamsError, match="joint 'knee' is a slide, and the model's is a hinge"):
+    with pytest.raises(ParamsError, match="joint 'knee' is a slide; the model has a hinge"):
         to_mjcf(SERVO_OF_THE_KNEE, path)
     wheel = '<body><joint name="wheel" type="hinge"/><geom size="1"/></body></worldbody>'
     path.write_text(text.replace("<joint damping", '<joint type="ball" damping').replace("</worldbody>", wheel))
-    with pytest.raises(ParamsError, match="no <joint name='knee'> that is a hinge or slide; joints: wheel"):
+    with pytest.raises(ParamsError, match="no hinge or slide <joint name='knee'>; joints: wheel"):
         to_mjcf(SERVO_OF_THE_KNEE, path)
 
 

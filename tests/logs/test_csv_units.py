@@ -232,7 +232,9 @@ def test_numbers_between_blanks_above_commas_are_a_line_above_the_names(tmp_path
 
 def test_blanks_in_names_between_blanks_are_refused_with_what_to_do(tmp_path):
     np.savetxt(tmp_path / "run.txt", bench().to_numpy()[:, :3], header="t (s) q tau")
-    with pytest.raises(LogError, match="got blanks, and above 3 numbers 4 words; write one word for each name, or"):
+    with pytest.raises(
+        LogError, match="expected 3 names above 3 numbers, got 4 words; write each name as one word, or"
+    ):
         read_table(tmp_path / "run.txt")
 
 

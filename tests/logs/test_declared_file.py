@@ -252,10 +252,10 @@ def test_a_joint_that_slides_in_the_file_and_turns_in_the_rig_is_refused(tmp_pat
     path = tmp_path / "robot.xml"
     path.write_text(text.format("slide" if "mujoco" in text else "prismatic"))
     with pytest.raises(
-        RigError, match="joint 'knee' is prismatic, and revolute in the rig file; state joint_type: pris"
+        RigError, match="joint 'knee' is prismatic, but revolute in the rig file; state joint_type: pris"
     ):
         declared_terms(parse_rig(RIG), path)
     assert declared_terms(parse_rig(RIG | {"units": {"position": "mm"}}), path)
     path.write_text(text.format("hinge" if "mujoco" in text else "revolute"))
-    with pytest.raises(RigError, match="joint 'knee' is revolute, and prismatic in the rig file"):
+    with pytest.raises(RigError, match="joint 'knee' is revolute, but prismatic in the rig file"):
         declared_terms(parse_rig(RIG | {"joint_type": "prismatic"}), path)

@@ -145,7 +145,7 @@ def test_counts_of_an_encoder(tmp_path):
     assert found.rig["units"]["joint/position"] == pytest.approx(2 * np.pi / 4096, rel=1e-9)
     (position,) = [column for column in found.columns if column.name == "q_meas"]
     assert "encoder counts, perhaps 4096 a turn" in position.why and position.step == pytest.approx(1.0)
-    assert any("The counts per turn of 'q_meas', 'q_ref' are a guess" in note for note in found.notes)
+    assert any("The counts per turn of 'q_meas', 'q_ref' are guessed" in note for note in found.notes)
 
 
 @pytest.mark.parametrize(("moving", "units"), [("ab", ["deg"] * 6), ("a", ["deg"] * 2)])
@@ -155,7 +155,7 @@ def test_a_joint_that_moves_little_has_the_unit_of_most_others_or_a_note(tmp_pat
     columns = {f"{joint}_{name}": size * np.sin(t) for joint, size in reach.items() for name in GOALS}
     found = inspected(tmp_path, {"time": t, **columns})
     assert list(found.rig["units"].values()) == units
-    assert any("state the units under" in note for note in found.notes) == (moving == "a")
+    assert any("State the units under" in note for note in found.notes) == (moving == "a")
 
 
 def test_columns_called_like_the_joints_are_positions_beside_their_commands(tmp_path):

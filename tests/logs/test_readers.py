@@ -116,7 +116,7 @@ def test_decimal_commas_are_read_beside_a_separator_that_is_no_comma(tmp_path, s
     for name in frame:
         assert_allclose(table[name], frame[name], rtol=1e-15, atol=1e-15)
     (note,) = table.attrs["notes"]
-    assert "'time', 'joint/position', 'gap' have a decimal comma" in note
+    assert "'time', 'joint/position', 'gap' were read with a decimal comma" in note
 
 
 @pytest.mark.parametrize(
@@ -133,7 +133,7 @@ def test_separators_of_thousands(tmp_path, separator, texts, numbers):
     (tmp_path / "run.csv").write_text(f"time{separator}a\n{rows}")
     table = read_table(tmp_path / "run.csv")
     assert_allclose(table["a"], numbers)
-    assert table.attrs["notes"] == ["The numbers of 'a' have separators of thousands, and were read so."]
+    assert table.attrs["notes"] == ["The numbers of 'a' were read with thousands separators."]
 
 
 @pytest.mark.parametrize("texts", [["1.234,5", "2,5.1"], ["1,2", "two"], ["1,2,3", "1,2"]])

@@ -56,7 +56,7 @@ CASES = {
         lambda arm: loop(arm, stages={"torque_control.command": ConstantVectorSource(np.zeros(2))}),
         "expected a system with an input and an output port, got ConstantVectorSource",
     ),
-    "window": (lambda arm: FilterSpec(window=10.5), "window: expected a whole number, 1 to 10000"),
+    "window": (lambda arm: FilterSpec(window=10.5), "window: expected a whole number from 1 to 10000"),
     "posture": (
         lambda arm: add_robot_plant(DiagramBuilder(), arm, posture_deviation=-1.0),
         "posture_deviation: expected a number >= 0",

@@ -132,9 +132,9 @@ def test_a_joint_on_a_link_world_stays_at_0_and_cannot_be_driven(tmp_path):
     text = ARM.replace('<robot name="arm">', HUNG.format("continuous"))
     robot = load_robot(robot_file(tmp_path, text))
     assert robot.unused[0].endswith(
-        "not used of stand (line 2): that it moves mount on the link 'world' (it stays at 0)."
+        "not used of stand (line 2): that it moves mount relative to the link 'world' (it is held at 0)."
     )
-    with pytest.raises(ParamsError, match="joint 'stand' stands on the link 'world', which never moves: rename that"):
+    with pytest.raises(ParamsError, match="the parent of joint 'stand' is the link 'world', which is reserved"):
         load_robot(robot_file(tmp_path, text, joints=["stand", "wrist"]))
 
 

@@ -184,7 +184,7 @@ def test_impossible_specs_are_refused(spec, message):
         ({"kind": "biased"}, "size of the bias"),
         ({"kind": "nan", "value": 1.0}, "only with kind biased"),
         ({"kind": "spikes"}, "size of the spikes"),
-        ({"kind": "spikes", "value": 1.0, "chance": 0.0}, "probability above 0, 1 at most, got 0"),
+        ({"kind": "spikes", "value": 1.0, "chance": 0.0}, "probability above 0 and at most 1, got 0"),
         ({"kind": "nan", "chance": 0.5}, "chance: expected only with kind spikes"),
         ({"kind": "nan", "channels": ()}, "channels"),
         ({"kind": "late"}, "size of the delay"),

@@ -541,7 +541,7 @@ def with_whole_stamps(table: pd.DataFrame) -> pd.DataFrame:
         if (stem, word) in by_end
     ]
     stamps = {name for pair in pairs for name in pair[:2]}
-    aside = dict.fromkeys(stamps, "part of a stamp of the time")
+    aside = dict.fromkeys(stamps, "part of a time stamp in two columns")
     table.attrs["aside"] = {**table.attrs.get("aside", {}), **aside}
     told = (meaning(name) for name in last if name not in stamps)
     if not pairs or any(each is not None and each.quantity == "time" for each in told):
@@ -556,11 +556,11 @@ def with_whole_stamps(table: pd.DataFrame) -> pd.DataFrame:
 
 
 COUNTERS = tuple(2.0**bits * unit for bits in (16, 32) for unit in (1.0, 1e-3, 1e-6))
-"""Values at which the counters of microcontrollers begin anew, as they are or in s."""
+"""Values at which the counters of microcontrollers wrap around, in counts or converted to s."""
 
 
 def with_counters_unwrapped(table: pd.DataFrame) -> pd.DataFrame:
-    """The table, where a time that falls by the range of its counter, but for a few steps, goes on instead."""
+    """The table with a time that is continued where its counter wraps around: it falls by its range, to a few steps."""
     name = time_among(map(str, table.columns))
     if name is None or not pd.api.types.is_numeric_dtype(table[name]):
         return table
@@ -571,9 +571,8 @@ def with_counters_unwrapped(table: pd.DataFrame) -> pd.DataFrame:
         wraps = np.abs(steps + counter) <= GAP * usual
         if wraps.any() and np.nanmax(time) < counter and usual < 1e-2 * counter:
             table[name] = time + counter * np.concatenate([[0.0], np.cumsum(wraps)])
-            note = (
-                f"The counter of {name!r} began anew {int(wraps.sum())} times after {counter:.10g}; the time goes on."
-            )
+            count = int(wraps.sum())
+            note = f"The counter of {name!r} wraps around at {counter:.10g} (found: {count}); the time was continued."
             table.attrs["notes"] = [*table.attrs.get("notes", ()), note]
     return table
 

@@ -72,9 +72,12 @@ def _cells_of(line: str) -> list[str]:
 
 
 def _check_encoding(path: Path, beginning: bytes) -> None:
-    """Refuse what has zeros among the first bytes: UTF-32, UTF-16 that does not begin with its mark, and no text."""
+    """Refuse content with a zero among the first bytes: UTF-32, UTF-16 without a byte-order mark, binary data."""
     if b"\x00" in beginning:
-        raise LogError(f"{path}: expected text in UTF-8 or UTF-16, got UTF-32 or binary data; save it as CSV in UTF-8")
+        raise LogError(
+            f"{path}: expected text in UTF-8, or in UTF-16 with a byte-order mark, got another encoding or binary data;"
+            " save it as CSV in UTF-8"
+        )
 
 
 def _decoded(line: bytes) -> str:
@@ -123,10 +126,10 @@ def _check_header_is_first(path: Path, opened: Callable[[], IO[bytes]]) -> None:
 
 
 def _with_commas(path: Path, content: bytes) -> bytes:
-    """The content with commas between its cells, where blanks alone are between numbers: as `numpy.savetxt` writes.
+    """The content with commas between its cells, if only blanks separate the numbers, as `numpy.savetxt` writes them.
 
     Raises:
-        LogError: The line above the first row of numbers has not as many words.
+        LogError: The line above the first row of numbers has another number of words.
     """
     lines = content.split(b"\n", LINES_ABOVE)[:LINES_ABOVE]
     rows = [re.split(" +", _decoded(line).strip().lstrip("#%/ ")) for line in lines]
@@ -135,8 +138,8 @@ def _with_commas(path: Path, content: bytes) -> bytes:
         return content
     if len(rows[max(0, first - 1)]) != len(rows[first]):
         raise LogError(
-            f"{path}: expected commas, semicolons or tabs between the cells, got blanks, and above {len(rows[first])}"
-            f" numbers {len(rows[max(0, first - 1)])} words; write one word for each name, or commas"
+            f"{path}: the cells are separated by blanks; expected {len(rows[first])} names above {len(rows[first])}"
+            f" numbers, got {len(rows[max(0, first - 1)])} words; write each name as one word, or use commas"
         )
     return re.sub(rb"(?m)(?<=[^\s#%/]) +(?=\S)", b",", re.sub(rb"(?m)^ +| +(?=\r?$)", b"", content))
 
@@ -191,7 +194,7 @@ _NUMBER = re.compile(r"\s*[+-]?(\d+(,\d*)?|,\d+)([eE][+-]?\d+)?\s*")
 
 def _with_decimal_points(table: pd.DataFrame, separator: str) -> pd.DataFrame:
     """The table with numbers in place of texts such as '0,25' and '1.234,5', and a note that names their columns."""
-    read: dict[str, list[str]] = {"a decimal comma": [], "separators of thousands": []}
+    read: dict[str, list[str]] = {"a decimal comma": [], "thousands separators": []}
     for name in table.columns:
         if not (pd.api.types.is_object_dtype(table[name].dtype) or pd.api.types.is_string_dtype(table[name].dtype)):
             continue
@@ -208,7 +211,7 @@ def _with_decimal_points(table: pd.DataFrame, separator: str) -> pd.DataFrame:
             read[kind].append(str(name))
     for kind, names in read.items():
         if names:
-            note = f"The numbers of {', '.join(map(repr, names))} have {kind}, and were read so."
+            note = f"The numbers of {', '.join(map(repr, names))} were read with {kind}."
             table.attrs["notes"] = [*table.attrs.get("notes", ()), note]
     return table
 
@@ -232,7 +235,7 @@ def _numbers_of(texts: Sequence[str], separator: str) -> tuple[list[float], str]
         return None
     grouped = any(thousands in text for text in texts)
     values = [float(text.replace(thousands, "").replace(decimal, ".")) for text in texts]
-    return values, "separators of thousands" if grouped else "a decimal comma"
+    return values, "thousands separators" if grouped else "a decimal comma"
 
 
 _IN_BRACKETS = re.compile(r".*[\[(]\s*([^\[\]()]+?)\s*[\])]\s*")

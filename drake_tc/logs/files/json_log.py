@@ -5,7 +5,7 @@
     {"mass": 0.5, "entries": [{"time": 0.0}, {"time": 0.01}]}                    records under one key
     {"hz": 100, "data": [{"q": [0.1, 0.2, ...]}, {"q": [0.0, 0.1, ...]}]}        episodes of columns
     {"columns": ["time", "q"], "data": [[0.0, 0.1], [0.01, 0.2]]}                rows, as pandas writes them
-    {"time": {"0": 0.0, "1": 0.01}, "q": {"0": 0.1, "1": 0.2}}                   columns by number, likewise
+    {"time": {"0": 0.0, "1": 0.01}, "q": {"0": 0.1, "1": 0.2}}                   columns by row number, likewise
 
 Fields of a nested mapping become `outer/inner`; a vector in each sample becomes `name_0, name_1, ...`; single values
 beside the samples are no columns. A list `joint_names` or `name` of texts names the members of vectors of its length:
@@ -166,7 +166,7 @@ def _of_episodes(records: Sequence[dict[str, Any]], period: float | None, source
 
 
 def read_json_lines(path: Path) -> pd.DataFrame:
-    """A table of a .jsonl file: one record a line; empty lines are skipped, and a last one that is cut off.
+    """A table of a .jsonl file: one record per line. Empty lines, and a last line that is cut off, are skipped.
 
     Raises:
         LogError: A line that is not a JSON mapping: names the line.

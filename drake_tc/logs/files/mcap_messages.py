@@ -1,7 +1,8 @@
 """MCAP files whose messages are JSON or Protobuf, as recorders without ROS write them.
 
-Every value of a message is a column, as `json_log` names it, behind the topic where there are several. The times are
-those in the messages of the only topic, or of the recording; several topics have the rows of all.
+Every value of a message is a column, with the name that `json_log` gives it. If there are several topics, the topic
+comes before the name, the times are those of the recording, and the table has the rows of all topics. A single topic
+has the times in its messages, if there are any.
 """
 
 import json
@@ -41,7 +42,7 @@ def read_messages(path: Path) -> pd.DataFrame:
     """The messages of an MCAP file of JSON or Protobuf as a table.
 
     Raises:
-        LogError: No message of these encodings, or one that is none of its encoding.
+        LogError: No message of these encodings, or one that cannot be decoded.
     """
     schemas: dict[int, tuple[str, bytes]] = {}
     channels: dict[int, tuple[str, str, Decoder | None]] = {}
@@ -69,10 +70,10 @@ def read_messages(path: Path) -> pd.DataFrame:
                 )
     if not rows:
         came = ", ".join(left_out) or "no messages"
-        raise LogError(f"{path}: expected topics of JSON or Protobuf, or a file with the profile of ROS, got {came}")
+        raise LogError(f"{path}: expected messages in JSON or Protobuf, or a file with a ROS profile, got {came}")
     table = _table(rows)
     notes = [f"The messages of {', '.join(rows)} were read."]
-    notes += [f"{', '.join(left_out)} cannot be read."] if left_out else []
+    notes += [f"The messages of {', '.join(left_out)} cannot be read."] if left_out else []
     notes += [f"The file {path.name} is cut off; it was read up to the cut."] if is_cut(path) else []
     table.attrs["notes"] = notes
     return table
@@ -121,7 +122,7 @@ def _decoder(encoding: str, name: str, schema: bytes, path: Path) -> Decoder | N
     try:
         from google.protobuf import descriptor_pb2, descriptor_pool, json_format, message_factory
     except ModuleNotFoundError:
-        raise LogError(f"{path}: reading Protobuf needs its package: pip install 'drake-tc[bags]'") from None
+        raise LogError(f"{path}: Protobuf messages need the package protobuf: pip install 'drake-tc[bags]'") from None
     pool = descriptor_pool.DescriptorPool()
     for file in descriptor_pb2.FileDescriptorSet.FromString(schema).file:
         pool.Add(file)

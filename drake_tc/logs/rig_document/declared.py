@@ -316,7 +316,7 @@ def declared_terms(rig: "Rig", path: Path, joints: Sequence[str] = ()) -> list[D
         joints: Those that must be in the file; none: those of the rig that are in it, at least one.
 
     Raises:
-        RigError: a file that cannot be used, that lacks a joint, or in which it is of another type.
+        RigError: a file that cannot be used, that lacks a joint, or whose joint has another type than in the rig file.
     """
     read = read_joints(path, RigError)
     known = [joint for joint in rig.joints if joint in read or ANY_JOINT in read]
@@ -327,7 +327,9 @@ def declared_terms(rig: "Rig", path: Path, joints: Sequence[str] = ()) -> list[D
     for joint in joints or known:
         there, here = read[joint if joint in read else ANY_JOINT].joint_type, rig.joint_type(joint)
         if there is not None and there != here:
-            raise RigError(f"{path}: joint {joint!r} is {there}, and {here} in the rig file; state joint_type: {there}")
+            raise RigError(
+                f"{path}: joint {joint!r} is {there}, but {here} in the rig file; state joint_type: {there} there"
+            )
     return [_of_joint(joint, rig.drive[joint], read.get(joint, read.get(ANY_JOINT))) for joint in joints or known]
 
 

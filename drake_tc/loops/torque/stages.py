@@ -375,7 +375,7 @@ def actuator_models(scenario: Scenario, robot: Robot, *, controller: bool = Fals
     """
     path = model_file(scenario, controller=controller) or robot.actuators
     if path is None:
-        raise ParamsError(f"{robot.source}: expected `actuators`, here or in the scenario, got neither")
+        raise ParamsError(f"{robot.source}: expected `actuators`, here or in the scenario, got none")
     chosen = models_of_joints(path, robot.joints)
     if not controller:
         return chosen

@@ -52,7 +52,7 @@ def drive_models(scenario: TsidScenario, robot: Robot, *, controller: bool = Fal
     path = (known_drives(scenario) or path) if controller else path
     if path is None:
         where = "drives" if scenario.torque == "drives" else "series_elastic"
-        raise ParamsError(f"{robot.source}: expected `actuators`, here or in the scenario's {where}, got neither")
+        raise ParamsError(f"{robot.source}: expected `actuators`, here or in the scenario's {where}, got none")
     models = models_of_joints(path, robot.joints)
     if scenario.torque == "series_elastic":
         check_springs(models, str(path))

@@ -40,7 +40,7 @@ class SoleSpec(Checked):
     """
 
     stiffness: Positive
-    points: Annotated[tuple[int, ...], Range("two numbers, 2 or more each", 2, size=2)] = (5, 3)
+    points: Annotated[tuple[int, ...], Range("two numbers >= 2", 2, size=2)] = (5, 3)
     dissipation: FromZero = 10.0
 
 
@@ -66,8 +66,8 @@ class GroundSpec(Checked):
     friction: FromZero = 0.8
     stiffness: Positive | None = None
     dissipation: FromZero = 1.0
-    radius: Annotated[float, Range(f"a length above 0, {LONG:g} at most", 0.0, LONG, above=True)] = 0.01
-    margin: Annotated[float, Range(f"a length of {-LONG:g} to {LONG:g}", -LONG, LONG)] = 0.005
+    radius: Annotated[float, Range(f"a length above 0 and at most {LONG:g}", 0.0, LONG, above=True)] = 0.01
+    margin: Annotated[float, Range(f"a length from {-LONG:g} to {LONG:g}", -LONG, LONG)] = 0.005
     approximation: Approximation | None = None
     stiction_tolerance: Positive = 1e-5
     sole: SoleSpec | None = None

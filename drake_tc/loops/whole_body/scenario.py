@@ -103,7 +103,7 @@ class BaseEstimationSpec(Checked):
     beside: str | None = None
     make: float = 0.05
     break_: float = 0.02
-    velocity_window: Annotated[int, Range("4 or more", 4)] = 15
+    velocity_window: Annotated[int, Range("a number >= 4", 4)] = 15
     sole_stiffness: float | None = None
     sole_points: Annotated[tuple[int, ...], Range("two numbers", size=2)] = (5, 3)
     tuning: Mapping[str, Any] = field(default_factory=dict)

@@ -108,7 +108,7 @@ def test_an_estimate_that_knows_its_soles_finds_the_height(standing):
     [
         ({"sole_stiffness": 0.0}, "sole_stiffness: expected a number above 0 .N/m., got 0.0"),
         ({"polygon": None}, "sole_stiffness: expected a sole beside it; this contact is a point"),
-        ({"sole_points": (1, 3)}, r"sole_points: expected two numbers, 2 or more each, got \(1, 3\)"),
+        ({"sole_points": (1, 3)}, r"sole_points: expected two numbers >= 2, got \(1, 3\)"),
     ],
 )
 def test_what_is_refused(changes, message):

@@ -86,5 +86,5 @@ def test_messages_in_protobuf(tmp_path):
 
 def test_other_encodings_are_named(tmp_path):
     mcap(tmp_path / "run.mcap", "cbor", {"/state": [b"x"] * 400})
-    with pytest.raises(LogError, match=r"expected topics of JSON or Protobuf, .* got /state \(cbor\)"):
+    with pytest.raises(LogError, match=r"expected messages in JSON or Protobuf, .* got /state \(cbor\)"):
         read_table(tmp_path / "run.mcap")

@@ -87,7 +87,7 @@ def test_a_run_comes_to_a_summary_and_to_files_that_close_loop_reads(tmp_path):
     ("text", "says"),
     [
         ("{joint: elbow}", "no model of joint 'elbow'"),
-        ("{model_factors: {ripple: 1.0}}", "model_factors: no 'ripple' in the models; there: coulomb, elast"),
+        ("{model_factors: {ripple: 1.0}}", "model_factors: the models have no 'ripple'; possible: coulomb, elast"),
         ("{delay: 0.0153}", "delay: expected a multiple of dt"),
         ("{torque_from: guess}", "torque_from: expected one of gauge, deflection, got 'guess'; did you mean 'gauge'"),
         ("{hand: {stiffness: -1.0}}", r"hand.stiffness: expected a number >= 0 \[N m/rad\], got -1"),

@@ -20,9 +20,9 @@ from drake_tc.tsid.robust.scaled import TorqueError
     [
         ("{torque_error: {hold: 1.0e-9}}", "torque_error.hold: expected plant_step 0.001 s or more, got 1e-09"),
         ("{ground: {margin: .nan}}", "ground.margin: expected a finite number, got nan"),
-        ("{ground: {margin: 1.0}}", "ground.margin: expected a length of -0.1 to 0.1 \\[m\\], got 1"),
+        ("{ground: {margin: 1.0}}", "ground.margin: expected a length from -0.1 to 0.1 \\[m\\], got 1"),
         ("{ground: {margin: -0.055}}", "ground.margin: expected more than -0.055 m, where nothing is left of contact"),
-        ("{ground: {radius: 10.0}}", "ground.radius: expected a length above 0, 0.1 at most \\[m\\], got 10"),
+        ("{ground: {radius: 10.0}}", "ground.radius: expected a length above 0 and at most 0.1 \\[m\\], got 10"),
         ("{ground: {radius: .nan}}", "ground.radius: expected a finite number, got nan"),
         (
             "{plant_step: 7.0e-4}",

@@ -120,7 +120,7 @@ def test_a_robot_stands_on_soft_soles():
     ("fields", "message"),
     [
         ({"stiffness": 0.0}, "stiffness: expected a positive number"),
-        ({"stiffness": 1e5, "points": (5, 1)}, r"points: expected two numbers, 2 or more each, got \(5, 1\)"),
+        ({"stiffness": 1e5, "points": (5, 1)}, r"points: expected two numbers >= 2, got \(5, 1\)"),
         ({"stiffness": 1e5, "points": (5,)}, "points: expected two numbers"),
         ({"stiffness": 1e5, "dissipation": -1.0}, "dissipation: expected a number >= 0"),
     ],
