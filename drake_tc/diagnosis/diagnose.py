@@ -160,9 +160,10 @@ def decided(found: Found, effects: Sequence[Effect]) -> Decided:
 def _beside(
     decision: Decided, effects: Sequence[Effect], gone: dict[str, tuple[Term, Withdrawal]]
 ) -> tuple[Decided | None, tuple[RejectedEffect, ...]]:
-    """The decision with an effect more that is asked for beside its set and holds, and those that are not asked for.
+    """What holds of the set with an effect more that is asked for beside it, and the effects that are not asked for.
 
-    `gone` takes effects that are asked for and do not hold.
+    Either this effect does, or beside it one of the set does not. `gone` takes effects that are asked for and do not
+    hold.
     """
     evidence, best = decision.found.evidence, decision.best
     sets, residual = Sets(evidence, effects), evidence.residual(evidence.model.train, best)
@@ -172,7 +173,8 @@ def _beside(
         impossible = odds >= ALTERNATIVE and not possible(*larger)
         if odds >= ALTERNATIVE and not impossible:
             held = _held(Found(*larger, ()))
-            if effect.key in held.best.ids:
+            dropped = {t.effect.key for t, _ in held.dropped}
+            if effect.key in held.best.ids or dropped & best.ids:
                 return held, ()
             gone |= {t.effect.key: (t, why) for t, why in held.dropped if t.effect.key == effect.key}
         if effect.key not in gone:
