@@ -388,18 +388,13 @@ class Evidence:
     def distortion(self, scored: Scored) -> float:
         """RMS that a set leaves under this noise, over that which it leaves where all rows count alike.
 
-        Both estimates of the coefficients are right if the model is, whatever the noise (Hausman, 1978). With all rows
-        alike, a fit of k coefficients takes the share k/(n + k) off the noise of n independent rows.
+        Both estimates of the coefficients are right if the model is, whatever the noise (Hausman, 1978).
         """
         alike, train = NoiseModel(rest=self.noise.rest, moving=self.noise.moving), self.model.train
         plain = Evidence(self.model, alike, self.spread)
         errors = (self.residual(train, scored, runs=True), plain.residual(train, plain.score(scored.terms), runs=True))
-        own, least = (train.rows.weighed(each, alike) for each in errors)
-        ratio = rms(own) / max(rms(least), 1e-300)
-        if ratio <= DISTORTED:
-            return ratio
-        independent = independent_share(train.rows, least) * train.rows.index.size
-        return ratio * float(np.sqrt(independent / (independent + scored.coefficients)))
+        own, least = (rms(train.rows.weighed(each, alike)) for each in errors)
+        return own / max(least, 1e-300)
 
     def tempered(self, terms: Sequence[Term], *, rest: bool = True) -> "Evidence":
         """The evidence for models that leave much: white noise, as many independent rows as the residual itself has.
