@@ -9,7 +9,6 @@ import scipy.signal
 from drake_tc.diagnosis.data.preparation import build_samples
 from drake_tc.diagnosis.data.samples import Samples
 from drake_tc.diagnosis.diagnose import joint_model
-from drake_tc.diagnosis.evidence import Evidence
 from drake_tc.diagnosis.noise import (
     SPECTRUM,
     NoiseModel,
@@ -19,7 +18,6 @@ from drake_tc.diagnosis.noise import (
     fitted_noise,
     independent_share,
 )
-from drake_tc.diagnosis.priors import DISTORTED
 from drake_tc.diagnosis.problem.prepared import prepare_joint
 from drake_tc.kernels.calls import Kernel
 from drake_tc.logs.record import Run
@@ -223,26 +221,3 @@ def test_the_spectral_density_is_that_of_scipy(size: int) -> None:
     values = np.random.default_rng(size).normal(size=size)
     expected = scipy.signal.welch(values, 250.0, nperseg=min(size, SPECTRUM), nfft=SPECTRUM, detrend=False)[1]
     np.testing.assert_allclose(_density(values, 250.0), expected, rtol=1e-10, atol=1e-15)
-
-
-def test_a_fit_is_not_distorted_by_what_equal_weights_take_of_few_independent_rows(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """The true model, of a log whose torque sensor drifts over a second: some twenty independent rows."""
-    joint = Joint(torque_noise=0.05, duration=10.0, gain=0.5)
-
-    def drifting(name: str, turn: float, seed: int) -> Run:
-        made, rng = record(joint, name, turn, seed), np.random.default_rng(100 + seed)
-        stay = np.exp(-joint.period)
-        drift = scipy.signal.lfilter(
-            [np.sqrt(1.0 - stay**2)], [1.0, -stay], rng.normal(size=made.columns["joint/torque"].size)
-        )
-        return replace(made, columns=dict(made.columns) | {"joint/torque": made.columns["joint/torque"] + 0.05 * drift})
-
-    prepared = prepare_joint([drifting("one", 0.4, 0)], [drifting("held", 2.1, 50)], rig_of(joint), "joint")
-    model = joint_model(prepared)
-    evidence = Evidence(model).heard(model.declared)
-    scored = evidence.score(model.declared)
-    assert evidence.distortion(scored) < DISTORTED
-    monkeypatch.setattr("drake_tc.diagnosis.evidence.independent_share", lambda rows, residual: 1e9)
-    assert evidence.distortion(scored) > DISTORTED
