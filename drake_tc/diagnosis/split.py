@@ -129,7 +129,7 @@ class Split:
         return out + self._of_integral(stand) if self._integrators else out
 
     def _arrived_at_ages(self, static: Sequence[Term], late: Sequence[str]) -> FloatArray:
-        """(N,) the recorded effort after drive effects without memory, which act at the ages of these channels."""
+        """(N,) the recorded effort after drive effects that are no filters, acting at the ages of these channels."""
         if not late:
             return self.recorded.effort(static)
         key = ("arrived", *late, *(k for t in static for k in t.cache_key))
@@ -164,9 +164,10 @@ class Split:
         return self._acted(slope if channel == "torque" else self._passed_on(slope))
 
     def _passed_on(self, change: FloatArray) -> FloatArray:
-        """(T,) what the drive effects without filters of the fit, at its ages, pass on of a small change (T,)."""
-        late = [channel for channel in self.ages if channel != "torque"]
-        return passed_on(self.recorded, behind(self.fit[0]), change, -sum(map(self._change_at_age, late)))
+        """(T,) what the drive effects of the fit that are no filters, at its ages, pass on of a small change (T,)."""
+        static = behind(self.fit[0])
+        late = [channel for channel in self.ages if static and channel != "torque"]
+        return passed_on(self.recorded, static, change, -sum(map(self._change_at_age, late)))
 
     @cached_property
     def _integrators(self) -> list[tuple[Term, FloatArray]]:
@@ -352,7 +353,7 @@ class Split:
 
 
 def behind(terms: Sequence[Term]) -> list[Term]:
-    """The drive effects without memory; none behind an integrator, whose effort is not recorded."""
+    """The drive effects that are no filters; none behind an integrator, whose effort is not recorded."""
     return [] if starts_unknown(terms) else [t for t in drives(terms) if not is_filter(t)]
 
 
