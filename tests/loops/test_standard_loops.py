@@ -30,6 +30,8 @@ from drake_tc.tsid.configuration import load_law
 MODELS = Path(drake_tc.models.__file__).parent
 LEG = MODELS / "hrp2_like" / "hrp2_like_leg.yaml"
 N = 6
+GAINS = TorqueGains(*[np.ones(N)] * 4)
+"""Given where they do not matter, as the default ones are searched for."""
 
 
 def scaled(size, factor):
@@ -53,11 +55,11 @@ class Pusher(LeafSystem):
         vector.SetFromVector(self._position.Eval(context) + self._gain * self._torque.Eval(context))
 
 
-def leg_loop(reference=None, spec=None, **options):
+def leg_loop(reference=None, spec=None, *, gains=GAINS, **options):
     robot = load_robot(LEG)
     builder = DiagramBuilder()
     plant = add_robot_plant(builder, robot)
-    loop = add_torque_loop(builder, plant, robot, load_models(robot.actuators), reference, spec, **options)
+    loop = add_torque_loop(builder, plant, robot, load_models(robot.actuators), reference, spec, gains=gains, **options)
     log = loop.add_log(builder, "joint_state", "reference", "command", "desired_torque", "encoder")
     return loop, builder.Build(), log
 
@@ -71,7 +73,7 @@ def run(diagram, log, duration=0.3):
 def test_the_torque_loop_follows_a_trajectory():
     posture = load_robot(LEG).posture
     path = knot_trajectory([0.3, 0.8], np.array([posture, posture + np.array([0, 0, -0.2, 0.3, -0.1, 0])]))
-    loop, diagram, log = leg_loop(path, TorqueLoopSpec(sensors="perfect"))
+    loop, diagram, log = leg_loop(path, TorqueLoopSpec(sensors="perfect"), gains=None)
     time, signals = run(diagram, log, 1.1)
     error = (signals["reference"] - np.hstack((signals["joint_state"], np.zeros((time.size, N)))))[:, :N]
     assert np.abs(error).max() < 0.03

@@ -9,6 +9,7 @@ from pydrake.systems.primitives import ConstantVectorSource, PassThrough, Vector
 
 from drake_tc.actuation.model import ActuatorModel, Drive
 from drake_tc.analysis.sampled import linearise
+from drake_tc.control.gains import TorqueGains
 from drake_tc.errors import ParamsError
 from drake_tc.hardware.loop import RealTimeLoop
 from drake_tc.loops.plant import add_robot_plant
@@ -30,6 +31,10 @@ def arm(tmp_path_factory):
     return load_robot(write_robot(tmp_path_factory.mktemp("arm"), text, ["shoulder", "elbow"]))
 
 
+GAINS = TorqueGains(*[np.ones(2)] * 4)
+"""Given, as the default ones are searched for."""
+
+
 def models(names=("shoulder", "elbow")):
     return [ActuatorModel(name, Drive("position_servo", 1e-3)) for name in names]
 
@@ -37,14 +42,16 @@ def models(names=("shoulder", "elbow")):
 def loop(arm, *arguments, given=None, **options):
     builder = DiagramBuilder()
     plant = add_robot_plant(builder, arm)
-    return add_torque_loop(builder, plant, arm, models() if given is None else given, *arguments, **options)
+    return add_torque_loop(
+        builder, plant, arm, models() if given is None else given, *arguments, gains=GAINS, **options
+    )
 
 
 CASES = {
     "reference": (lambda arm: loop(arm, np.zeros(2)), "reference: expected a trajectory .* got ndarray"),
-    "motion": (lambda arm: torque_controller(arm, models(), "inputs"), "motion: expected .* got 'inputs'"),
+    "motion": (lambda arm: torque_controller(arm, models(), "inputs", gains=GAINS), "motion: expected .* got 'inputs'"),
     "motion without output": (
-        lambda arm: torque_controller(arm, models(), VectorLogSink(6)),
+        lambda arm: torque_controller(arm, models(), VectorLogSink(6), gains=GAINS),
         "motion: expected a system with an output port of size 6",
     ),
     "order of models": (
@@ -64,11 +71,11 @@ CASES = {
     "state": (lambda arm: WholeBodySpec(state="plants"), "state: expected one of .* got 'plants'"),
     "real-time controller": (lambda arm: RealTimeLoop(arm, object()), "controller: expected .* got Robot"),
     "driver": (
-        lambda arm: RealTimeLoop(torque_controller(arm, models()), object()),
+        lambda arm: RealTimeLoop(torque_controller(arm, models(), gains=GAINS), object()),
         r"link: expected an object with read\(\) and write\(\), got none with read\(\)",
     ),
     "period": (
-        lambda arm: linearise(d := torque_controller(arm, models()), d.CreateDefaultContext(), 0.0),
+        lambda arm: linearise(d := torque_controller(arm, models(), gains=GAINS), d.CreateDefaultContext(), 0.0),
         "linearise: expected a positive period dt",
     ),
 }
@@ -91,7 +98,7 @@ def test_a_plant_whose_robot_has_another_name_is_told(arm):
     plant.SetUseSampledOutputPorts(False)
     plant.Finalize()
     with pytest.raises(ParamsError, match="expected a model instance 'arm', the name in the robot file, got r2"):
-        add_torque_loop(builder, plant, arm, models())
+        add_torque_loop(builder, plant, arm, models(), gains=GAINS)
 
 
 def test_a_force_reference_of_another_size_is_told(arm):
@@ -99,7 +106,7 @@ def test_a_force_reference_of_another_size_is_told(arm):
     plant = add_robot_plant(builder, arm)
     source = builder.AddSystem(ConstantVectorSource(np.zeros(5)))
     with pytest.raises(ParamsError, match="force_reference: expected a port of size 0, six per F/T sensor, got size 5"):
-        add_torque_loop(builder, plant, arm, models(), force_reference=source.get_output_port())
+        add_torque_loop(builder, plant, arm, models(), gains=GAINS, force_reference=source.get_output_port())
 
 
 def test_a_system_in_between_that_fits_is_taken(arm):
@@ -111,4 +118,4 @@ def test_a_step_of_the_plant_that_does_not_divide_the_period_is_told(arm, step):
     builder = DiagramBuilder()
     plant = add_robot_plant(builder, arm, step)
     with pytest.raises(ParamsError, match=r"plant: expected a time step of 0.001 s, the period of the control"):
-        add_torque_loop(builder, plant, arm, models())
+        add_torque_loop(builder, plant, arm, models(), gains=GAINS)

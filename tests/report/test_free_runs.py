@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from mailed import Undrawn
 
 from drake_tc.actuation.model import ActuatorModel, Drive
 from drake_tc.cli.close_loop_command import print_summary
@@ -52,7 +53,7 @@ def test_a_joint_without_a_refinement_has_none(joint: JointResult) -> None:
 def test_the_page_shows_errors_numbers_and_what_the_verdict_rests_on(
     result: CloseLoopResult, joint: JointResult
 ) -> None:
-    page = render(replace(result, joints={"knee": refined(joint)}))
+    page = render(replace(result, joints={"knee": refined(joint)}), Undrawn())
     assert "<h2>Refinement on free runs</h2>" in page
     sentence = refinement_sentence(ACCEPTED)
     assert sentence in page

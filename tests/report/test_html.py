@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from mailed import Mailed
+from mailed import Mailed, Undrawn
 
 from drake_tc.diagnosis.residual.unexplained import TimeStretch
 from drake_tc.diagnosis.result.joint_result import Errors, JointResult
@@ -138,7 +138,7 @@ def test_several_joints_have_an_overview_and_names_cannot_break_the_page(
     result: CloseLoopResult, joint: JointResult, unexplained_joint: JointResult
 ) -> None:
     joints = {"knee": joint, "<hip> & co": unexplained_joint}
-    page = Page(render(replace(result, joints=joints, verdict="unexplained_structure")))
+    page = Page(render(replace(result, joints=joints, verdict="unexplained_structure"), Undrawn()))
     assert {"#j0", "#j1"} <= set(page.references)
     assert len(page.ids) == len(set(page.ids))
     text = " ".join(page.text.split())

@@ -4,6 +4,7 @@ import re
 from dataclasses import replace
 
 import pytest
+from mailed import Undrawn
 
 from drake_tc.diagnosis.problem.parameters import Estimate
 from drake_tc.diagnosis.result.applications import ExportErrors, ExportTrial
@@ -151,7 +152,7 @@ def test_nothing_is_said_where_nothing_is_shared(result: CloseLoopResult):
 
 
 def test_the_section_names_cause_place_size_and_rival(result: CloseLoopResult, cause: SharedEffect):
-    html = render(replace(result, shared=(cause,)))
+    html = render(replace(result, shared=(cause,)), Undrawn())
     section = html[html.index('id="shared"') : html.index("</section>", html.index('id="shared"'))]
     shares = (percent(0.53), percent(0.71))
     for text in ("mass of a link", "thigh", "0.812", "kg", *shares, "centre of mass of a link (thigh)"):

@@ -6,6 +6,7 @@ from html import unescape
 from typing import get_args
 
 import pytest
+from mailed import Undrawn
 
 from drake_tc.cli.close_loop_command import print_summary
 from drake_tc.config.joint_units import JointUnits
@@ -145,7 +146,7 @@ def test_console_json_and_page_say_the_same(joint, result, capsys, tmp_path):
     assert (entry["did_not_hold"][0]["why"], entry["notes"][0], entry["next_experiment"]) == expected
     assert entry["did_not_hold"][0]["reason"] == "worse_on_held_out"
     print_summary(whole, tmp_path)
-    console, page = (" ".join(text.split()) for text in (capsys.readouterr().out, unescape(render(whole))))
+    console, page = (" ".join(text.split()) for text in (capsys.readouterr().out, unescape(render(whole, Undrawn()))))
     assert [text for text in expected if text not in console or text not in page] == []
     for rejected in made.rejected:
         assert why_rejected(rejected) in page
