@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import fields
+from functools import partial
 
 import pytest
 
@@ -11,6 +12,8 @@ from drake_tc.diagnosis.search import Found, find
 from drake_tc.effects.base import Effect
 from drake_tc.effects.library import effect
 from drake_tc.experiments import fitted
+from drake_tc.experiments.check.effects import joint_effects
+from drake_tc.experiments.rehearsal import twin
 
 
 def diagnoses_look_for(monkeypatch: pytest.MonkeyPatch, *keys: str) -> None:
@@ -27,3 +30,8 @@ def experiments_fit(monkeypatch: pytest.MonkeyPatch, *ids: str) -> None:
         return find(evidence, [each for each in effects if each.id in ids])
 
     monkeypatch.setattr(fitted, "find", found)
+
+
+def twins_show(monkeypatch: pytest.MonkeyPatch, *keys: str) -> None:
+    """From here on a twin is made from what its logs show of these effects."""
+    monkeypatch.setattr(twin, "joint_effects", partial(joint_effects, effects=tuple(map(effect, keys))))

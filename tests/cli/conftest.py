@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
+import pandas as pd
 import pytest
 from few_effects import diagnoses_look_for, experiments_fit
 
@@ -55,6 +56,20 @@ class Outcome:
 def bench(tmp_path_factory) -> Bench:
     rig, logs, holdout = record_demo(tmp_path_factory.mktemp("bench"), 0, SHORT, jobs=1)
     return Bench(rig, tuple(logs), holdout[0])
+
+
+@pytest.fixture(scope="session")
+def short_log(bench, tmp_path_factory) -> Path:
+    """The last 3 s of a run."""
+    log = tmp_path_factory.mktemp("short") / "run.parquet"
+    pd.read_parquet(bench.logs[1]).iloc[-750:].to_parquet(log, index=False)
+    return log
+
+
+@pytest.fixture
+def fits_nothing(monkeypatch) -> None:
+    """`check`, `design` and `rehearse` fit the declared model alone, and judge all effects beside it."""
+    experiments_fit(monkeypatch)
 
 
 @pytest.fixture(scope="session")

@@ -12,19 +12,19 @@ def next_words(line: str) -> list[str]:
     return words[words.index("drake-tc") + 1 :]
 
 
-@pytest.mark.usefixtures("fitted_once")
-def test_from_a_log_to_the_command_that_diagnoses_it(invoke, bench, tmp_path, monkeypatch):
+@pytest.mark.usefixtures("fits_nothing")
+def test_from_a_log_to_the_command_that_diagnoses_it(invoke, short_log, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    done = invoke("inspect", bench.logs[0])
+    done = invoke("inspect", short_log)
     words = next_words(done.err.splitlines()[-1])
-    assert words[:4] == ["inspect", str(bench.logs[0]), "--rig", "rig.yaml"]
+    assert words[:4] == ["inspect", str(short_log), "--rig", "rig.yaml"]
     done = invoke(*words[:4])
     assert done.code == 0 and done.out.splitlines()[-1] == "rig.yaml"
     words = next_words(done.err.splitlines()[-1])
     done = invoke(*words)
     assert done.code == 0
     words = next_words(done.err.splitlines()[-1])
-    assert words[:7] == ["close-loop", "--rig", "rig.yaml", "--log", str(bench.logs[0]), "--holdout", "RUN"]
+    assert words[:7] == ["close-loop", "--rig", "rig.yaml", "--log", str(short_log), "--holdout", "RUN"]
 
 
 def test_a_document_has_no_such_line(invoke, bench):

@@ -5,7 +5,6 @@ import json
 import pandas as pd
 import pytest
 import yaml
-from few_effects import experiments_fit
 
 SCENARIOS = {
     "parent is a list": ("sea_joint", "{b: {}, a: {extends: [b]}}", "a.extends: expected the name of a scenario"),
@@ -116,11 +115,11 @@ def test_a_log_whose_name_is_not_utf8(invoke, bench, tmp_path):
     assert "run\ufffd." in rig.read_text(encoding="utf-8")
 
 
-@pytest.mark.usefixtures("fitted_once")
-def test_results_of_files_whose_names_are_not_utf8(invoke, bench, tmp_path):
+@pytest.mark.usefixtures("fits_nothing")
+def test_results_of_files_whose_names_are_not_utf8(invoke, bench, short_log, tmp_path):
     """Reports and models name them with a replacement character, and the project reads its own models back."""
     log, rig = tmp_path / "run\udcff.parquet", tmp_path / "rig\udcff.yaml"
-    log.write_bytes(bench.logs[0].read_bytes())
+    log.write_bytes(short_log.read_bytes())
     rig.write_text(bench.rig.read_text(encoding="utf-8"), encoding="utf-8")
     out = tmp_path / "out\udcff"
     assert invoke("check", "--rig", rig, "--log", log, "--out", out).code == 0
@@ -140,14 +139,12 @@ def test_a_declared_file_whose_name_no_file_can_have(invoke, bench, tmp_path):
     assert "a\\x00.urdf: no such file; expected a URDF" in line
 
 
+@pytest.mark.usefixtures("fits_nothing")
 @pytest.mark.parametrize("gain", ["1e12", pytest.param("1e-20", marks=pytest.mark.slow)])
-def test_a_drive_gain_beside_which_no_effect_has_a_size(invoke, bench, tmp_path, monkeypatch, gain):
-    experiments_fit(monkeypatch)
+def test_a_drive_gain_beside_which_no_effect_has_a_size(invoke, bench, short_log, tmp_path, gain):
     rig = tmp_path / "rig.yaml"
     document = yaml.safe_load(bench.rig.read_text())
     document.pop("proportional_gain", None)
     rig.write_text(yaml.safe_dump({**document, "drive_gain": float(gain)}))
-    log = tmp_path / "run.parquet"
-    pd.read_parquet(bench.logs[1]).iloc[-750:].to_parquet(log, index=False)
-    done = invoke("check", "--rig", rig, "--log", log, "--json")
+    done = invoke("check", "--rig", rig, "--log", short_log, "--json")
     assert (done.code, done.err) == (0, "") and json.loads(done.out)["name"] == "check"

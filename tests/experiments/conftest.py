@@ -1,21 +1,16 @@
 """A short recording of the demo's rig: a servo joint whose owner declares its rotor's inertia and its friction."""
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from functools import partial
 from pathlib import Path
 
 import pytest
 
 from drake_tc.cli.demo import DemoLength, record_demo
 from drake_tc.diagnosis.problem.prepared import Prepared, prepare_joint
-from drake_tc.effects.base import Effect
 from drake_tc.effects.library import effect
 from drake_tc.experiments.check.effects import JointEffects, joint_effects
 from drake_tc.experiments.design import known
 from drake_tc.experiments.design.joint import DesignJoint
 from drake_tc.experiments.design.motions import JointLimits
-from drake_tc.experiments.rehearsal import twin
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.rig import load_rig
 
@@ -30,14 +25,6 @@ LOOKED_FOR = tuple(
     )
 )
 """What the joint lacks, and some of each kind: imitated by others, found by shape, and beyond what is recorded."""
-
-
-@contextmanager
-def looking_for(effects: Sequence[Effect]) -> Iterator[None]:
-    """Inside, a twin is made from what its logs show of these effects."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(twin, "joint_effects", partial(joint_effects, effects=effects))
-        yield
 
 
 @pytest.fixture(scope="session")

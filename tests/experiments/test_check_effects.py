@@ -104,20 +104,17 @@ EFFECTS: Mapping[str, Callable[[Motion], np.ndarray]] = {
     "cable_spring": lambda m: m.q,
 }
 """Torque of size 1."""
-QUICKEST = "load_dependent_friction"
-"""The others are slow."""
 NEAR = ("payload", "stribeck", "quadratic_viscous", "torque_sensor_gain")
-SCALES = tuple(map(effect, ("servo_gain", "torque_sensor_gain", "torque_sensor_bias", "stribeck", "deadzone")))
-"""The error of a declared gain, what resembles it, and what the demo's joint lacks."""
+SCALES = tuple(map(effect, ("servo_gain", "torque_sensor_bias", "stribeck", "deadzone")))
+"""The error of a declared gain, one of a sensor, and what the demo's joint lacks."""
 
 
 def recorded(joint: Joint) -> list[Run]:
     return [record(joint, name, 0.9 * k, k) for k, name in enumerate(("one", "two", "held"))]
 
 
-@pytest.mark.parametrize(
-    "key", [QUICKEST, *(pytest.param(key, marks=pytest.mark.slow) for key in EFFECTS if key != QUICKEST)]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("key", EFFECTS)
 def test_a_diagnosis_finds_an_effect_above_its_smallest_size_and_not_far_below_its_easiest(key):
     runs, near = recorded(SENSED), tuple(map(effect, (key, *NEAR)))
     found = joint_effects(prepare_joint(runs[:2], runs[2:], rig_of(SENSED), "joint"), near)

@@ -41,7 +41,7 @@ def test_the_reason_is_the_tolerance_where_that_hides_the_effect(demo):
 
 def told(size: float) -> set[str]:
     """What a diagnosis names where the torque sensor reads this much too high, its tolerance being `BIAS`."""
-    joint = Joint(duration=12.0, period=4e-3, torque_noise=0.25, sensor=lambda m: np.full_like(m.q, size))
+    joint = Joint(duration=8.0, period=4e-3, torque_noise=0.25, sensor=lambda m: np.full_like(m.q, size))
     runs = [record(joint, name, 0.9 * k, k) for k, name in enumerate(("one", "two", "held"))]
     options = DiagnosisOptions(effects=SAME, assess_residual=False)
     return {e.id for e in diagnose_joint(runs[:2], runs[2:], rig_with_tolerance(joint), "joint", options).effects}

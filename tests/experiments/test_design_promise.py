@@ -69,7 +69,7 @@ def test_the_damping_of_a_servo_is_no_torque_of_its_motor(joint):
     assert_allclose(damped.motor_torque(motion, STEP), balance(motion), atol=1e-12)
     # Without the declaration the motor would have to push against 20 N m s/rad within 10 N m.
     limits = replace(LIMITS, torque=10.0)
-    options = DesignOptions(duration=10.0, starts=1, iterations=30)
+    options = DesignOptions(duration=10.0, starts=1, iterations=12)
     known, unknown = (
         design_joint(each, limits, parse_goal("parameters"), options)
         for each in (damped, replace(damped, servo_damping=0.0))

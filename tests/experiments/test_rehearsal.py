@@ -4,10 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from few_effects import diagnoses_look_for
+from few_effects import diagnoses_look_for, twins_show
 from numpy.testing import assert_allclose
 
-from drake_tc.effects.library import effect
 from drake_tc.errors import ParamsError
 from drake_tc.experiments.causes import CAUSES, cause_values, size_in
 from drake_tc.experiments.rehearsal.run import (
@@ -27,8 +26,6 @@ from drake_tc.logs.loads import UnknownLoad
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.rig import load_rig
 
-from .conftest import looking_for
-
 
 @pytest.fixture(scope="module")
 def read(demo):
@@ -39,7 +36,8 @@ def read(demo):
 @pytest.fixture(scope="module")
 def twin(read):
     rig, runs = read
-    with looking_for(tuple(map(effect, ("cable_spring", "stribeck", "thermal_friction", "rotor_inertia")))):
+    with pytest.MonkeyPatch.context() as patch:
+        twins_show(patch, "cable_spring", "stribeck", "thermal_friction", "rotor_inertia")
         return twin_of(rig, runs, rig.joints[0])
 
 
@@ -69,7 +67,7 @@ def test_the_same_seed_gives_the_same_runs_and_another_one_other_noise(twin, sim
 
 
 def test_a_large_effect_is_found_and_counted_by_size_and_none_where_there_is_none(twin, monkeypatch):
-    diagnoses_look_for(monkeypatch, "cable_spring", "stribeck", "quadratic_viscous")
+    diagnoses_look_for(monkeypatch, "cable_spring", "stribeck")
     found = rehearse(twin, "cable_spring", 8.0, [twin.runs[-1].name], repeats=1, factors=(1.0,))
     assert [p.size for p in found.points] == [0.0, 8.0]
     assert found.points[0].found == 0

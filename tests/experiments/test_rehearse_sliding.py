@@ -2,16 +2,14 @@
 
 import numpy as np
 import pytest
+from few_effects import twins_show
 
 from drake_tc.diagnosis.data.sliding import LEAST_TRAVEL
-from drake_tc.effects.library import effect
 from drake_tc.errors import ParamsError
 from drake_tc.experiments.rehearsal.run import ONLY_REVOLUTE, rehearse
 from drake_tc.experiments.rehearsal.twin import twin_of
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.rig import parse_rig
-
-from .conftest import looking_for
 
 MASS, WEIGHT, GAIN = 12.0, 40.0, 5e-5
 
@@ -37,7 +35,8 @@ def twin(tmp_path_factory):
     for path in paths:
         np.savetxt(path, table, delimiter=",", header=",".join(columns), comments="", fmt="%.9g")
     rig = parse_rig({"joint": "z", "joint_type": "prismatic", "drive": "position_servo", "load": "torque"})
-    with looking_for((effect("stribeck"),)):
+    with pytest.MonkeyPatch.context() as patch:
+        twins_show(patch, "stribeck")
         return twin_of(rig, load_runs(paths, rig), "z")
 
 

@@ -43,12 +43,17 @@ def request(folder, **changes):
     return replace(DesignRequest(folder / "rig.yaml", (), None, "parameters", None, (), {}), **changes)
 
 
-def test_the_information_of_a_second_is_that_of_the_white_noise_of_the_currents(recorded):
+@pytest.fixture(scope="module")
+def read(recorded):
+    """(rig, robot, runs, their noise)."""
+    rig = load_rig(recorded[0] / "rig.yaml")
+    robot, runs = load_robot(rig.robot), load_runs([recorded[0] / "first.npz"], rig)
+    return rig, robot, runs, robot_noise(rig, robot, runs)
+
+
+def test_the_information_of_a_second_is_that_of_the_white_noise_of_the_currents(recorded, read):
     """1/(dt s^2) for white noise of s [N m] every dt, although the links differ from their file by up to 50 %."""
-    folder, arm = recorded
-    rig = load_rig(folder / "rig.yaml")
-    robot = load_robot(rig.robot)
-    found = robot_noise(rig, robot, load_runs([folder / "first.npz"], rig))
+    (_, arm), (_, robot, _, found) = recorded, read
     white = np.array([arm.noise.effort[j] / arm.case.joints[j].gain for j in robot.joints])
     expected = 1.0 / (EVERY * STEP * white**2)
     ratio = np.sqrt(found.per_second / found.torque**2 / expected)
@@ -56,14 +61,10 @@ def test_the_information_of_a_second_is_that_of_the_white_noise_of_the_currents(
     assert ((ratio > 1.0 / 1.5) & (ratio < 1.5)).all(), ratio
 
 
-def test_where_links_are_not_fitted_their_errors_count_as_noise(recorded):
+def test_where_links_are_not_fitted_their_errors_count_as_noise(recorded, read):
     """Of the joints that bear most of the weight; no later fit can remove them then."""
-    folder, arm = recorded
-    rig = load_rig(folder / "rig.yaml")
-    robot = load_robot(rig.robot)
-    runs = load_runs([folder / "first.npz"], rig)
-    fixed = replace(rig, load=dict.fromkeys(rig.joints, RobotLoad("inverse_dynamics")))
-    fitted, known = (robot_noise(each, robot, runs) for each in (rig, fixed))
+    (_, arm), (rig, robot, runs, fitted) = recorded, read
+    known = robot_noise(replace(rig, load=dict.fromkeys(rig.joints, RobotLoad("inverse_dynamics"))), robot, runs)
     assert (known.per_second > 0.0).all() and np.isfinite(known.torque).all()
     loaded = [robot.joints.index(name) for name in arm.case.arm.loaded]
     assert (known.torque[loaded] > fitted.torque[loaded]).all(), known.torque / fitted.torque
@@ -96,26 +97,21 @@ def test_a_report_with_the_goal_parameters_asks_for_a_motion_of_all_joints(recor
     assert not whole_robot(request(folder, joints=("elbow_joint",)))
 
 
-def test_the_noise_of_all_joints_of_the_robot_is_needed(recorded):
-    folder, _ = recorded
-    rig = load_rig(folder / "rig.yaml")
-    robot = load_robot(rig.robot)
+def test_the_noise_of_all_joints_of_the_robot_is_needed(read):
+    rig, robot, *_ = read
     with pytest.raises(
         ParamsError, match=f"{robot.joints[-1]} missing; the noise of all joints of the robot is needed"
     ):
         robot_noise(replace(rig, joints=rig.joints[:-1]), robot, [])
 
 
-def test_the_check_of_a_robot_whose_links_are_fitted_names_what_close_loop_does_not_look_for(recorded):
+def test_the_check_of_a_robot_whose_links_are_fitted_names_what_close_loop_does_not_look_for(read):
     """The same obstacles as in the diagnosis, which fits the links from the recorded efforts at the declared gains."""
-    folder, _ = recorded
     keys = ("saturation", "servo_gain", "payload")
-    runs, rig = with_loads(rig := load_rig(folder / "rig.yaml"), load_runs([folder / "first.npz"], rig))
-    for joint in rig.joints[1:3]:
-        found = joint_effects(
-            prepare_joint(runs, [], rig, joint), tuple(map(effect, (*keys, "stribeck"))), links_fitted=True
-        )
-        told = {each.key: each for each in found.effects}
-        for key in keys:
-            assert told[key].status == "not_seen", key
-            assert "fitted" in told[key].reason, key
+    runs, rig = with_loads(read[0], read[2])
+    prepared = prepare_joint(runs, [], rig, rig.joints[1])
+    found = joint_effects(prepared, tuple(map(effect, (*keys, "stribeck"))), links_fitted=True)
+    told = {each.key: each for each in found.effects}
+    for key in keys:
+        assert told[key].status == "not_seen", key
+        assert "fitted" in told[key].reason, key
