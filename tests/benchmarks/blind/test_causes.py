@@ -4,15 +4,14 @@ import numpy as np
 import pytest
 
 from drake_tc.joint_simulator.amplitudes import AMPLITUDES
-from drake_tc.joint_simulator.measurement import CleanLog, clean_log
-from drake_tc.joint_simulator.physics import TERMS, Record, simulate
+from drake_tc.joint_simulator.measurement import clean_log
+from drake_tc.joint_simulator.physics import TERMS, simulate
 from tests.benchmarks.blind.calibrate import calibrate
 from tests.benchmarks.blind.catalogue import caused_rig
 from tests.benchmarks.blind.truth import unmodelled_torque
 
-from .make import rig
+from .make import Traces, rig, traces_of
 
-Traces = dict[str, tuple[Record, CleanLog, np.ndarray]]
 RIGS = {
     "deadzone": rig({"deadzone": {"width": 3.0}}),
     "saturation": rig({"saturation": {"limit": 30.0}}, "voltage"),
@@ -31,11 +30,7 @@ RIGS = {
 
 @pytest.fixture(scope="module")
 def traces() -> Traces:
-    """What is recorded of each rig's multisine, without noise, and the torque that the declared model leaves."""
-    records = simulate([*RIGS.values()], ["multisine"] * len(RIGS))
-    logs = [clean_log(record) for record in records]
-    left = [unmodelled_torque(record, log) for record, log in zip(records, logs, strict=True)]
-    return dict(zip(RIGS, zip(records, logs, left, strict=True), strict=True))
+    return traces_of(RIGS)
 
 
 def test_every_cause_can_be_simulated_and_drawn() -> None:

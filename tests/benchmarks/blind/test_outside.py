@@ -7,15 +7,14 @@ import pytest
 from scipy.interpolate import BSpline
 
 from drake_tc.joint_simulator.measurement import CleanLog, clean_log
-from drake_tc.joint_simulator.physics import Record, simulate
+from drake_tc.joint_simulator.physics import simulate
 from drake_tc.joint_simulator.reference import BandNoise, random_instants, random_walk
 from tests.benchmarks.blind.catalogue import caused_rig
 from tests.benchmarks.blind.truth import unmodelled_torque
 from tests.benchmarks.blind.verdicts import OUTSIDE, RIGHT_VERDICTS, right_verdicts
 
-from .make import rig
+from .make import Traces, rig, traces_of
 
-Traces = dict[str, tuple[Record, CleanLog, np.ndarray]]
 TOUCH = {"amplitude": 4.0, "start": 0.5, "length": 2.0, "only_run": 2.0}
 RIGS = {
     "random_disturbance": rig({"random_disturbance": {"amplitude": 2.0, "noise_seed": 11.0}}),
@@ -31,11 +30,7 @@ RIGS = {
 
 @pytest.fixture(scope="module")
 def traces() -> Traces:
-    """What is recorded of each rig's multisine, without noise, and the torque that the declared model leaves."""
-    records = simulate([*RIGS.values()], ["multisine"] * len(RIGS))
-    logs = [clean_log(record) for record in records]
-    left = [unmodelled_torque(record, log) for record, log in zip(records, logs, strict=True)]
-    return dict(zip(RIGS, zip(records, logs, left, strict=True), strict=True))
+    return traces_of(RIGS)
 
 
 def test_random_disturbance_has_its_rms_and_band(traces: Traces) -> None:
