@@ -6,9 +6,8 @@ the Hessian is singular.
 
 Solvers: DAQP, a dual active-set method (Arnstrom, Bemporad, Axehill, IEEE TAC 2022), whose package comes with drake_tc;
 quadprog, the dual method of Goldfarb and Idnani (Math. Programming 27, 1983); and any solver that Drake has, through a
-MathematicalProgram of the same matrices. Packages are called directly: through `qpsolvers` the same solve takes 1.25 to
-1.4 times as long, as two-sided rows are written twice and converted at every tick (`tests/tsid/test_qpsolvers.py`
-measures it).
+MathematicalProgram of the same matrices. Packages are called directly: through `qpsolvers` the same solve takes longer,
+as two-sided rows are written twice and converted at every tick.
 """
 
 import math
