@@ -203,6 +203,8 @@ def test_damping_is_viscous():
         y, mode = guard.tick(0.0, q, 1.0)
     assert mode == GuardMode.DAMP
     assert_allclose(q - y, 0.05 * 0.2, rtol=0.03)  # one step of 1/50 of damp_time
+    followed = [y, *(guard.tick(0.0, q + 0.08, 1.0)[0] for _ in range(3))]
+    assert_allclose(np.diff(followed, axis=0), 1.0 * DT, rtol=1e-9)  # viscous, it would be nearly twice as fast
 
 
 def test_before_the_first_position_nothing_moves():

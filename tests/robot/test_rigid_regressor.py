@@ -102,24 +102,6 @@ def test_double_pendulum_is_lagranges_closed_form():
     assert_allclose(ours, np.stack([tau1, tau2], axis=-1), rtol=1e-11, atol=1e-11)  # rounding
 
 
-def test_energy_of_the_double_pendulum_changes_by_the_power_of_its_torques():
-    l1, step = 0.3, 1e-4
-    pi = np.zeros(20)
-    pi[[0, 3, 7, 10, 13, 17]] = 0.56, -0.14, 0.053, 0.6, -0.11, 0.024
-    t = np.arange(0.0, 2.0, step)
-    q = np.stack([np.sin(3 * t), 0.7 * np.cos(5 * t)], axis=-1)
-    v = np.stack([3 * np.cos(3 * t), -3.5 * np.sin(5 * t)], axis=-1)
-    a = np.stack([-9 * np.sin(3 * t), -17.5 * np.cos(5 * t)], axis=-1)
-    torque = regressor(planar_tree(l1), q, v, a) @ pi
-    w2 = v.sum(axis=1)
-    h = 0.11 * l1
-    kinetic = 0.5 * (0.053 + 0.6 * l1**2) * v[:, 0] ** 2 + 0.5 * 0.024 * w2**2 + h * np.cos(q[:, 1]) * v[:, 0] * w2
-    potential = -9.81 * ((0.14 + 0.6 * l1) * np.cos(q[:, 0]) + 0.11 * np.cos(q.sum(axis=1)))
-    energy = kinetic + potential
-    work = np.concatenate([[0.0], np.cumsum(0.5 * np.sum((torque * v)[1:] + (torque * v)[:-1], axis=1)) * step])
-    assert_allclose(energy - energy[0], work, atol=1e-6)  # the trapezoidal rule's error, step^2
-
-
 def test_base_parameters_of_the_planar_double_pendulum():
     q, v, a = np.random.default_rng(2).normal(size=(3, 200, 2))
     columns = regressor(planar_tree(0.3), q, v, a)

@@ -152,28 +152,6 @@ def test_frames_are_where_drake_has_them(case, which):
     assert terms.frame(name) is found
 
 
-def energy(other, extra):
-    kinetic = other.plant.CalcKineticEnergy(other.context) + 0.5 * other.v @ extra @ other.v
-    return kinetic + other.plant.CalcPotentialEnergy(other.context)
-
-
-def test_the_power_of_torques_and_forces_is_the_rate_of_energy(case):
-    model, terms, other = case
-    rng = np.random.default_rng(5)
-    torque, force = rng.normal(size=model.n) * 20, rng.normal(size=terms.contact_bias.size) * 30
-    push = terms.contact_jacobian.T @ force - terms.bias
-    push[terms.actuated] += torque
-    vdot = np.linalg.solve(terms.mass_matrix, push)
-    inertia, ends = rotors(model), []
-    for sign in (1, -1):
-        at = other.later(sign * STEP)
-        at.v = other.v + sign * STEP * vdot
-        at.plant.SetVelocities(at.context, at.v)
-        ends.append(energy(at, inertia))
-    power = torque @ other.v[model.actuated] + force @ terms.contact_velocity
-    assert_allclose((ends[0] - ends[1]) / (2 * STEP), power, rtol=1e-6, atol=1e-3)
-
-
 def test_contacts_come_and_go_without_a_new_plant(tmp_path):
     model = machine("floating arm", tmp_path)
     scratch = model.create_scratch()

@@ -1,12 +1,10 @@
 """R_ind and p_ind against derivatives taken otherwise, convexity, and probabilities known in closed form."""
 
 import numpy as np
-import pydrake.math as drake_math
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
-from pydrake.autodiffutils import InitializeAutoDiff
 from scipy.special import log_ndtr, ndtr
 from scipy.stats import multivariate_normal
 
@@ -66,31 +64,6 @@ def test_hessian_by_differences_of_the_gradient(seed):
         scale = np.outer(sigma, sigma)
         assert_allclose(hessian * scale, np.array(columns) * scale, rtol=1e-6, atol=1e-6)
         assert_allclose(hessian, hessian.T, rtol=1e-12)
-
-
-def test_gradient_by_autodiff():
-    """Phi as its power series, in Drake's AutoDiffXd."""
-
-    def cdf(u):
-        term = total = u
-        for k in range(1, 120):
-            term = term * u * u / (2 * k + 1)
-            total = total + term
-        return 0.5 + total * drake_math.exp(-0.5 * u * u) / np.sqrt(2.0 * np.pi)
-
-    polytope, inside, sigma = random_polytope(np.random.default_rng(1), 4, 5)
-    matrix, lower, upper = polytope.matrix[4:], polytope.lower[4:], polytope.upper[4:]
-    deviation = np.sqrt(matrix**2 @ sigma**2)
-    x = InitializeAutoDiff(inside).ravel()
-    total = 0.0
-    for i in range(len(matrix)):
-        value = matrix[i] @ x
-        total = total - drake_math.log(cdf((upper[i] - value) / deviation[i]))
-        if np.isfinite(lower[i]):
-            total = total - drake_math.log(cdf((value - lower[i]) / deviation[i]))
-    got = individual_risk(Polytope(matrix, lower, upper), inside, TorqueError(sigma**2))
-    assert_allclose(got.value, total.value(), rtol=1e-12)
-    assert_allclose(got.gradient * sigma, total.derivatives() * sigma, rtol=1e-9, atol=1e-10)
 
 
 @settings(max_examples=60, deadline=None)
