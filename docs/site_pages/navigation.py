@@ -21,6 +21,7 @@ TREE: list[Entry] = [
             ("Block graphs", "block_graphs.md"),
             ("Similar tools", "similar_tools.md"),
             ("Where things are", "where_things_are.md"),
+            ("Contributing", "contributing.md"),
             ("Changelog", "changelog.md"),
         ],
     ),
