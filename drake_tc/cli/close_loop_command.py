@@ -93,7 +93,7 @@ class RigFiles:
         if self.rig is not None and not (log and holdout):
             raise LogError(
                 "expected at least one --log RUN to fit and one --holdout RUN to test, got "
-                f"{len(log)} and {len(holdout)}"
+                f"{len(log)} and {len(holdout)}; of a single recording, give each half as a file of its own"
             )
         if self.declared is not None and self.rig is None:
             raise LogError(

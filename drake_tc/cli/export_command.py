@@ -48,12 +48,14 @@ def export_command(options: ExportOptions) -> None:
     from drake_tc.config.joint_units import JointUnits
     from drake_tc.diagnosis.result.applications import ExportTrial
     from drake_tc.exchange.actuator_configs import limited_by_supply, to_isaaclab_bam
+    from drake_tc.exchange.bam import voltage_motor
     from drake_tc.exchange.links import with_links
     from drake_tc.exchange.mjcf import with_torque_constant
     from drake_tc.exchange.projection import TARGETS, project, vocabulary
     from drake_tc.exchange.trial import RUNS, Exported, changes, export_page, sentences
     from drake_tc.report.sections import cells, headings
 
+    options.require_used()
     to, out, into, runs = options.to, options.out, options.into, options.runs
     if (runs.log or runs.holdout) and runs.rig is None:
         raise ParamsError(
@@ -93,6 +95,8 @@ def export_command(options: ExportOptions) -> None:
             projection = with_torque_constant(projection, torque_constant, target)
         projections.append(projection)
     if to is Target.isaaclab_bam:
+        for projection in projections:
+            voltage_motor(projection, to.value)  # before the settings: of another drive they are no use
         settings = options.servo.settings()
         projections = [limited_by_supply(each, settings) for each in projections]
         text = to_isaaclab_bam(projections, into, settings)

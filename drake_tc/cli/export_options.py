@@ -102,9 +102,11 @@ class ServoData:
         from drake_tc.exchange.actuator_configs import ServoSettings
 
         if self.supply_voltage is None or self.position_gain is None:
+            came = "--supply-voltage alone" if self.supply_voltage is not None else "neither"
+            came = "--position-gain alone" if self.position_gain is not None else came
             raise ParamsError(
-                "export --to isaaclab-bam: expected --supply-voltage and --position-gain of the servo, got"
-                f" {self.supply_voltage} and {self.position_gain}; logs of the motor voltage do not contain them"
+                f"export --to isaaclab-bam: expected --supply-voltage and --position-gain of the servo, got {came};"
+                " logs of the motor voltage do not contain them"
             )
         return ServoSettings(self.supply_voltage, self.position_gain)
 
@@ -178,6 +180,28 @@ class ExportOptions:
     force: Force = False
     as_json: Annotated[bool, typer.Option("--json", help="Print terms, losses and errors as JSON.")] = False
     seed: Annotated[int, typer.Option(min=0, max=LARGEST_SEED, help="Seed of the draws of --ranges.")] = 0
+
+    def require_used(self) -> None:
+        """Refuse options without an effect: those of another target, and a rig file without runs.
+
+        Raises:
+            ParamsError: names the option and what it belongs to.
+        """
+        servo = {key: vars(self.servo)[key] for key in ("supply_voltage", "position_gain")}
+        of_target = (
+            (Target.c, {key: value for key, value in vars(self.code).items() if value != vars(CodeSettings())[key]}),
+            (Target.isaaclab_bam, {key: value for key, value in servo.items() if value is not None}),
+        )
+        for target, given in of_target:
+            if given and (self.ranges or self.to is not target):
+                option = "--" + next(iter(given)).replace("_", "-")
+                came = "--ranges" if self.ranges else f"--to {self.to}"
+                raise ParamsError(f"export: {option} belongs to --to {target}, got {came}; leave it out")
+        runs = self.runs
+        if runs.rig is not None and not (runs.log or runs.holdout):
+            raise ParamsError(
+                "export: --rig describes the runs of --log and --holdout, got none; add them or leave it out"
+            )
 
     @property
     def shown(self) -> TextIO:

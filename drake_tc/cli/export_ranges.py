@@ -117,7 +117,7 @@ def _print(posterior: "Posterior", ranges: "Sequence[TermRanges]", options: Expo
         for each in found
     ]
     names = ("joint", "parameter", "value", "95 %", "unit", "law", "standard deviations")
-    print_wide(names, rows, left=(*names[:2], *names[4:]), title="What the logs know", file=shown)
+    print_wide(names, rows, left=(*names[:2], *names[4:]), title="Parameters of the model, by the logs", file=shown)
     if ranges:
         terms = [
             (each.joint, name, f"{of.value:.4g}", interval_text(of), each.unit(name), of.law)
@@ -125,7 +125,7 @@ def _print(posterior: "Posterior", ranges: "Sequence[TermRanges]", options: Expo
             for name, of in each.distributions.items()
         ]
         heads = ("joint", "term", "value", "95 %", "unit", "law")
-        print_wide(heads, terms, left=(*heads[:2], *heads[4:]), title=f"In the terms of {to}", file=shown)
+        print_wide(heads, terms, left=(*heads[:2], *heads[4:]), title=f"The same in the parameters of {to}", file=shown)
     for title, found in (("The logs could not show:", False), ("Looked for and not found; larger is ruled out:", True)):
         lines = [row_text(each) for each in posterior.not_shown if each.found_above is found]
         if lines:

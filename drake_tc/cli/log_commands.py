@@ -89,7 +89,7 @@ def _print(found: "Inspection") -> None:
             _number(column.low),
             _number(column.high),
             _number(column.step) if column.step else "-",
-            f"{100.0 * column.missing:.0f} %" if column.missing else "-",
+            _share(column.missing),
             column.why,
         )
         for column in found.columns
@@ -99,6 +99,12 @@ def _print(found: "Inspection") -> None:
 
 def _gaps(count: int) -> str:
     return f", {count} gap{'s' if count > 1 else ''}" if count else ""
+
+
+def _share(missing: float) -> str:
+    """Share of the rows without a number; a single row of many is not rounded to none."""
+    shown = f"{100.0 * missing:.0f} %"
+    return "-" if not missing else "< 1 %" if shown == "0 %" else shown
 
 
 def _number(value: float) -> str:

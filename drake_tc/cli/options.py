@@ -150,11 +150,21 @@ class Command(TyperCommand):
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Some errors of parsing do not know the command, whose help the message names."""
         try:
-            return super().parse_args(ctx, args)
+            return super().parse_args(ctx, self._apart(args))
         except TyperException as error:
             if getattr(error, "ctx", None) is None:
                 vars(error)["ctx"] = ctx
             raise
+
+    def _apart(self, args: list[str]) -> list[str]:
+        """The arguments, `--position=-1.4,1.4` as `--position -1.4 1.4` where an option takes several values."""
+        several = {name: option.nargs for option in self.params if option.nargs > 1 for name in option.opts}
+        out = []
+        for argument in args:
+            name, _, values = argument.partition("=")
+            apart = values.split(",")
+            out += [name, *apart] if several.get(name) == len(apart) else [argument]
+        return out
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
         """Typer shows annotations of Python, such as `<list[Path]>`; `KINDS` replaces them."""

@@ -4,6 +4,7 @@ import math
 import re
 import shlex
 import sys
+import textwrap
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -76,7 +77,10 @@ def print_wide(
     title: str = "",
     file: TextIO | None = None,
 ) -> None:
-    """Print a table, as wide as its cells are; on a narrower terminal the last column, if it is a text, is wrapped.
+    """Print a table, as wide as its cells are.
+
+    On a narrower terminal the last column, if it is a text, is wrapped. Where that is not enough, every row is a
+    paragraph: its first cell, and below it the other cells with their headings.
 
     Args:
         headings: Of the columns.
@@ -95,11 +99,28 @@ def print_wide(
     console = Console(file=file)
     width = Console(file=file, width=_NO_END).measure(table).maximum
     others = width - max(len(row[-1]) for row in [headings, *rows])
-    if console.is_terminal and headings[-1] in left and others + LEAST_TEXT <= console.width:
+    if console.is_terminal and width > console.width:
+        if headings[-1] not in left or others + LEAST_TEXT > console.width:
+            file.writelines(
+                f"{line}\n" for line in [*([title] if title else []), *_paragraphs(headings, rows, console.width)]
+            )
+            return
         table.columns[-1].no_wrap, width = False, 0
     drawn = StringIO()
     Console(file=drawn, width=max(console.width, width, len(title))).print(table)
     file.writelines(f"{line.rstrip()}\n" for line in drawn.getvalue().splitlines())
+
+
+def _paragraphs(headings: Sequence[str], rows: Iterable[Sequence[str]], width: int) -> Iterator[str]:
+    """Lines of a table whose rows are wider than a terminal; empty cells and dashes are left out."""
+    for first, *others in rows:
+        yield first
+        cells = [
+            f"{heading} {cell}".lstrip()
+            for heading, cell in zip(headings[1:], others, strict=True)
+            if cell not in ("", "-")
+        ]
+        yield from textwrap.wrap("; ".join(cells), width, initial_indent="    ", subsequent_indent="    ")
 
 
 def command_line(*words: object) -> str:

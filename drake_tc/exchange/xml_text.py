@@ -23,7 +23,7 @@ def read_xml(path: Path, root: str) -> minidom.Document:
     except OSError as error:
         raise ParamsError(f"{path}: cannot be read: {error.strerror or error}") from None
     except (ExpatError, ValueError) as error:
-        raise ParamsError(f"{path}: not XML: {error}") from None
+        raise ParamsError(f"{path}: expected an XML file, got a text that is not XML: {error}") from None
     found = document.documentElement
     if found is None or (root and found.tagName != root):
         raise ParamsError(

@@ -226,7 +226,7 @@ class EffectOdds:
         model, evidence = self.model, self.fitted.evidence
         terms = self._terms(self.out(effect))
         names = ["the drive gain", *(t.effect.title for t in terms for _ in t.effect.coefficients)]
-        names += [f"the age of the {AGES[channel]}" for channel in model.ages]
+        names += [f"a delay of the {AGES[channel]}" for channel in model.ages]
         design, _ = Evidence(model, NoiseModel(), evidence.spread).design(model.train, terms)
         return names, np.sqrt(np.mean(design[:, : len(names)] ** 2, axis=0))
 

@@ -61,7 +61,7 @@ def _with_units_of_rates(
         told = meanings[column.name]
         unit = "" if told.unit or "rpm" in told.by else _unit_of_rate(q, v, time, position.unit)
         if unit and unit != column.unit:
-            why = f"alias {told.by}; in {unit} it is the rate of {position.name!r}"
+            why = f"{told.told_by}; in {unit} it is the rate of {position.name!r}"
             changed[column.name] = replace(column, unit=unit, why=why)
     return tuple(changed.get(column.name, column) for column in columns)
 
@@ -75,7 +75,7 @@ def _with_gears(
         of_joint, of_motor = _factor(position.unit), _factor(column.unit)
         ratio = turns_of_motor(of_joint * q, of_motor * motor) if of_joint and of_motor else 1.0
         if ratio != 1.0:
-            why = f"alias {meanings[column.name].by}; moves {ratio:.4g} times as far as {position.name!r}"
+            why = f"{meanings[column.name].told_by}; moves {ratio:.4g} times as far as {position.name!r}"
             changed[column.name] = replace(column, unit=f"{of_motor / ratio:.10g}", why=why)
     return tuple(changed.get(column.name, column) for column in columns)
 
@@ -249,7 +249,7 @@ def _in_units_of_their_joints(columns: Sequence[Column], meanings: Mapping[str, 
         told = meanings.get(column.name)
         if told is not None and not told.unit and told.joint in sliding and told.quantity in SLIDING:
             unit = stated.get((told.joint, SAME_UNIT.get(told.quantity, "")), SLIDING[told.quantity])
-            why = f"alias {told.by}; another column of the joint has a unit of length or force"
+            why = f"{told.told_by}; another column of the joint has a unit of length or force"
             column = replace(column, unit=unit, why=why)
         out.append(column)
     return tuple(out)

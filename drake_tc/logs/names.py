@@ -212,6 +212,11 @@ class Meaning:
     unknown_unit: str = ""
     unit_by: str = "its name"
 
+    @property
+    def told_by(self) -> str:
+        """What told the quantity, in words."""
+        return f"known name {self.by!r}" if self.by else "recognised by its unit"
+
 
 def words(name: str) -> list[str]:
     """The words of a name: split at separators, at changes of case, and before numbers in brackets.

@@ -131,7 +131,8 @@ def _require_live(raw: RawLog, rig: Rig) -> tuple[str, ...]:
         name = f"{resting[0]}/position"
         raise LogError(
             f"{raw.path}: column {rig.columns.get(name, name)!r} is constant"
-            f" ({_value(positions[resting[0]]):.6g}) in all rows: nothing moves, or the encoder was not read;"
+            f" ({_value(positions[resting[0]]):.6g} {rig.units_of(resting[0]).position}) in all rows: nothing moves,"
+            " or the encoder was not read;"
             " record a motion"
         )
     measured = [joint for joint in rig.joints if rig.load[joint] == "torque" and joint not in resting]

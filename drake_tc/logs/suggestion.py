@@ -109,7 +109,7 @@ def describe(
         return Column(name, "", "", "the name is not recognised", low, high, step, missing)
     both = finite if beside is None else np.concatenate([finite, beside[np.isfinite(beside)]])
     whole = bool((both == np.round(both)).all())
-    unit, why = time_unit, "" if time_unit == "s" else f"only in {time_unit} the rate is that of a joint's log"
+    unit, why = time_unit, "" if time_unit == "s" else f"only in {time_unit} is the rate that of a joint's log"
     if told.unit:
         unit, why = told.unit, f"{told.unit_by} states {told.unit}"
     elif told.unknown_unit and not (whole and told.unknown_unit.lower() in COUNTS and told.quantity in ANGLES):
@@ -125,8 +125,7 @@ def describe(
     canonical = "time" if told.quantity == "time" else f"{told.joint or NAMELESS}/{told.quantity}"
     if told.quantity == "enabled" and not told.joint:
         canonical = "enabled"
-    alias = f"alias {told.by}" if told.by else "recognised by its unit"
-    by = "canonical name" if name == canonical else alias
+    by = "canonical name" if name == canonical else told.told_by
     return Column(name, canonical, unit, f"{by}; {why}" if why else by, low, high, step, missing)
 
 

@@ -149,8 +149,8 @@ def parse_unit(canonical: str, unit: str | float) -> Scale:
     name = name.removeprefix("-").strip()
     if name not in known:
         raise ValueError(
-            f"{quoted(unit)} is not a unit of it; possible: {', '.join(known)}, with a leading '-' to flip the sign, "
-            "or a number (scale factor)"
+            f"{quoted(unit)} is not a unit of this quantity; possible: {', '.join(known)}, with a leading '-' to flip "
+            "the sign, or a number (scale factor)"
         )
     return Scale(sign * known[name], sign * _OFFSET.get(name, 0.0), stated=True)
 

@@ -144,7 +144,9 @@ def joints_of_text(text: str, path: Path, error: type[DrakeTcError]) -> dict[str
             return {ANY_JOINT: bam_servo(_mapping(json.loads(text)))}
         return _of_xml(xml_tree(text), path)
     except ExpatError as problem:
-        raise error(f"{path}: not XML: {problem}") from None
+        raise error(
+            f"{path}: expected URDF, SDF or MJCF, or a BAM file *.json, got a text that is not XML: {problem}"
+        ) from None
     except ValueError as problem:
         raise error(f"{path}: {problem}") from None
 

@@ -61,7 +61,9 @@ def included_tree(path: Path, include: ET.Element) -> ET.Element:
     try:
         return xml_tree(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, ExpatError) as problem:
-        raise ValueError(f"{place(include)}: {path}: not XML: {problem}") from None
+        raise ValueError(
+            f"{place(include)}: {path}: expected an XML file, got a text that is not XML: {problem}"
+        ) from None
 
 
 def place(element: ET.Element) -> str:

@@ -35,5 +35,9 @@ def test_a_narrow_terminal_wraps_the_last_text_and_nothing_else(monkeypatch):
     assert why == ROWS[0][2] and lines[-1].split() == ["delay", "12"]
 
 
-def test_where_no_text_fits_nothing_is_wrapped(monkeypatch):
-    assert len(_printed(Terminal(), 25, monkeypatch)) == 1 + len(ROWS)
+def test_where_no_text_fits_every_row_is_a_paragraph_within_the_terminal(monkeypatch):
+    lines = _printed(Terminal(), 25, monkeypatch)
+    assert max(map(len, lines)) <= 25
+    assert [line for line in lines if not line.startswith(" ")] == ["backlash", "delay"]
+    assert " ".join(line.strip() for line in lines[1:-2]) == f"size 1.1; why {ROWS[0][2]}"
+    assert lines[-1].strip() == "size 12"

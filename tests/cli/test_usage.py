@@ -30,6 +30,12 @@ def test_an_example_of_the_help_is_taken_as_it_stands(invoke, line, option, valu
     assert context.params[option] == values
 
 
+def test_two_values_of_an_option_may_stand_behind_an_equals_sign():
+    words = ["--rig", "rig.yaml", "--position=-1.4,1.4", "--velocity", "1"]
+    context = COMMANDS["design"].make_context("design", words)
+    assert context.params["position"] == (-1.4, 1.4) and context.params["velocity"] == 1.0
+
+
 @pytest.mark.parametrize(
     ("line", "message"),
     [

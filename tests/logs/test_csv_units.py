@@ -283,7 +283,7 @@ def test_a_line_of_units_below_the_names_gives_the_rig_file(tmp_path):
     found = inspect_log(path)
     assert found.rig["units"] == {"joint/position": "deg", "joint/position_command": "deg", "joint/torque": "N*mm"}
     assert trial(found) == "" and found.rows == len(bench())
-    assert [c.why for c in found.columns if c.name == "angle"] == ["alias angle; line 2 of the file states deg"]
+    assert [c.why for c in found.columns if c.name == "angle"] == ["known name 'angle'; line 2 of the file states deg"]
     run = load_run(path, parse_rig(dict(found.rig)))
     plain = tmp_path / "plain.csv"
     bench().to_csv(plain, index=False)

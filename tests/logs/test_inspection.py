@@ -90,7 +90,9 @@ def test_a_name_tells_degrees_of_a_motion_that_could_be_in_rad(tmp_path):
     table = renamed(q_meas=turn, q_ref=turn).rename(columns={"q_meas": "q_deg", "q_ref": "q_ref_deg"})
     found = inspected(tmp_path, table.assign(q_deg=table["q_deg"] / 20.0, q_ref_deg=table["q_ref_deg"] / 20.0))
     assert found.rig["units"] == {"joint/position": "deg", "joint/position_command": "deg"}
-    assert next(column.why for column in found.columns if column.name == "q_deg") == "alias q; its name states deg"
+    assert (
+        next(column.why for column in found.columns if column.name == "q_deg") == "known name 'q'; its name states deg"
+    )
 
 
 @pytest.mark.parametrize("name", ["foo", "status", "pi", "mass_kg", "error", "error/knee/position"])
@@ -230,7 +232,7 @@ def test_the_command_writes_the_rig_and_says_what_it_took(invoke_inspect, tmp_pa
     path = write(renamed(), tmp_path / "run.csv")
     rig = tmp_path / "rig.yaml"
     outcome = invoke_inspect(path, "--rig", rig)
-    assert outcome.code == 0 and outcome.out.endswith(f"{rig}\n") and "alias q_ref" in outcome.out
+    assert outcome.code == 0 and outcome.out.endswith(f"{rig}\n") and "known name 'q_ref'" in outcome.out
     assert load_run(path, load_rig(rig)).notes == ()
     document = json.loads(invoke_inspect(path, "--json").out)
     assert document["rig"] == yaml.safe_load(rig.read_text()) and document["problem"] is None

@@ -63,7 +63,7 @@ def with_a_hole(times):
         (
             lambda t: t.assign(**{"joint/position": 0.3}).drop(columns="joint/velocity"),
             {},
-            "'joint/position' is constant (0.3) in all rows",
+            "'joint/position' is constant (0.3 rad) in all rows",
         ),
         (lambda t: t.assign(**{TORQUE: 0.0}), {}, "'joint/torque' is 0 in all rows while joint moves"),
         (lambda t: t.assign(**{TORQUE: 0.0}), {}, "load:"),
@@ -206,7 +206,7 @@ def test_a_run_that_is_given_twice_is_refused(tmp_path):
 
 def test_minutes_are_no_unit_of_time(tmp_path):
     """A clock of seconds taken for minutes would give 60 times the friction of the joint, and no other sign of it."""
-    with pytest.raises(RigError, match=r"units: time: 'min' is not a unit of it; possible: s, ms, us, ns"):
+    with pytest.raises(RigError, match=r"units: time: 'min' is not a unit of this quantity; possible: s, ms, us, ns"):
         servo_rig(units={"time": "min"})
 
 

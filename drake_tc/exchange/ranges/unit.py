@@ -261,8 +261,10 @@ def _document(path: Path, what: str) -> dict[str, Any]:
     """A JSON file with an entry `joints`."""
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise ParamsError(f"{path}: expected {what}, got {error}") from error
+    except OSError as error:
+        raise ParamsError(f"{path}: expected {what}, which cannot be read: {error.strerror or error}") from error
+    except ValueError as error:
+        raise ParamsError(f"{path}: expected {what}, got a file that is not JSON") from error
     joints = document.get("joints") if isinstance(document, dict) else None
     if (
         not isinstance(document, dict)

@@ -21,6 +21,7 @@ from drake_tc.estimation.robot_loads import at_motors, motor_turns, robot_logs, 
 from drake_tc.experiments.check.consistency import Finding, findings
 from drake_tc.experiments.check.delays import late_columns
 from drake_tc.experiments.check.effects import JointEffects, Visibility, by_reason, joint_effects
+from drake_tc.logs.files.episodes import require_different_files
 from drake_tc.logs.loads import RobotLoad
 from drake_tc.logs.prepare import in_order, load_runs
 from drake_tc.logs.record import Run
@@ -112,6 +113,7 @@ def check_rig(
     with threadpool_limits(1):
         start = time.perf_counter()
         rig = load_rig(rig_path, declared)
+        require_different_files(logs, ())
         progress("reading", 0.0)
         runs = load_runs(logs, rig)
         prepared_runs, rig_used = with_loads(rig, runs)

@@ -137,7 +137,10 @@ def _known(
         joint, found, fitted = joint_from_logs(rig, runs, name, model)
         return joint, limits_with(found, request.limits, name), fitted
     if model is None:
-        raise ParamsError(f"joint {name}: nothing is known of it; give --log RUN, --after report.json, or --model FILE")
+        raise ParamsError(
+            f"joint {name}: expected a log, a report or a model of it, got none; give --log RUN, --after report.json,"
+            " or --model FILE"
+        )
     limits = limits_with(None, request.limits, name)
     return joint_from_model(rig, name, model, limits), limits, None
 
@@ -196,10 +199,14 @@ def _sizes(entry: Mapping[str, Any]) -> dict[str, float]:
 def _report(path: Path) -> dict[str, Any]:
     try:
         read = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
-        raise ParamsError(f"{path}: expected the report.json of close-loop; {error}") from None
+    except OSError as error:
+        raise ParamsError(
+            f"{path}: expected the report.json of close-loop, which cannot be read: {error.strerror or error}"
+        ) from None
+    except (UnicodeDecodeError, json.JSONDecodeError):
+        raise ParamsError(f"{path}: expected the report.json of close-loop, got a file that is not JSON") from None
     if not isinstance(read, dict) or not isinstance(read.get("joints"), dict):
-        raise ParamsError(f"{path}: expected the report.json of close-loop; it has no joints")
+        raise ParamsError(f"{path}: expected the report.json of close-loop, got JSON without `joints`")
     return read
 
 
