@@ -28,7 +28,7 @@ WIDTH, HEIGHT, MARGIN = 960, 6000, 14
 COLOURS = 40
 BOLD, FAINT, ACCENT = "#0171b2", "#8a7d6c", "#b5179e"
 PARTS = {
-    "notebooks/images/report.png": ("header", "summary", "Errors", "What was missing"),
+    "notebooks/images/report.png": ("header", "summary", "What was missing"),
     "docs/images/report_residual.png": ("Measured and modelled effort", "Residual, held-out runs"),
     "docs/images/report_parameters.png": ("Equations of the model after", "Parameters"),
     "docs/images/tutorial_missing.png": ("What was missing",),

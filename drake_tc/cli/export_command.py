@@ -204,7 +204,7 @@ def _remainders(
     if to.value not in TARGETS_OF_NETWORKS:
         raise ParamsError(f"export --remainder: expected --to {', '.join(TARGETS_OF_NETWORKS)}, got --to {to.value}")
     if not remainders:
-        return ["no network was written: no joint of this model has a remainder."], {}
+        return ["No network was written: no joint of this model has a remainder."], {}
     files = network_names(remainders)
     networks = {files[name]: to_onnx(each, name, types[name]) for name, each in remainders.items()}
     return [written_remainder(name, each, types[name], files[name]) for name, each in remainders.items()], networks

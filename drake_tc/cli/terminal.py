@@ -116,7 +116,7 @@ def _paragraphs(headings: Sequence[str], rows: Iterable[Sequence[str]], width: i
     for first, *others in rows:
         yield first
         cells = [
-            f"{heading} {cell}".lstrip()
+            f"{heading}: {cell}" if heading else cell
             for heading, cell in zip(headings[1:], others, strict=True)
             if cell not in ("", "-")
         ]

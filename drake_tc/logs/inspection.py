@@ -318,7 +318,7 @@ def _of_one_joint(found: Mapping[str, Meaning | None], notes: list[str]) -> dict
     if others:
         notes.append(
             "The log has every quantity only once, so all columns are assumed to belong to one joint "
-            f"(named {joint or NAMELESS}). These names are not joints of their own: {', '.join(others)}."
+            f"(called {joint or NAMELESS!r}). Not taken for names of joints: {', '.join(others)}."
         )
     return {name: replace(of_joints[name], joint=joint) if name in of_joints else told for name, told in found.items()}
 

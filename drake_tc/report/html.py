@@ -207,6 +207,7 @@ def _joint(joint: JointResult, prefix: str, budget: PageBudget, executor: Execut
     tried, barred = tables.rejected_rows(joint.rejected)
     scale = scale_for(joint.after.heldout, joint.unit)
     left = joint.unexplained
+    parameters = tables.parameter_rows(joint)
     correlograms, correlated = correlation_plots(joint.heldout, prefix)
     return {
         "id": prefix,
@@ -224,6 +225,7 @@ def _joint(joint: JointResult, prefix: str, budget: PageBudget, executor: Execut
                 "gain": percent(e.heldout_gain),
                 "stability": percent(e.stability),
                 "contribution": scale_for(e.contribution, joint.unit).quantity(e.contribution),
+                "sizes": [row for row in parameters if row["key"] == e.key],
             }
             for e in joint.effects
         ],
@@ -240,7 +242,7 @@ def _joint(joint: JointResult, prefix: str, budget: PageBudget, executor: Execut
         "equations": model_equations(joint),
         "free_runs": tables.free_run_table(joint),
         "refinement": refinement_section(joint),
-        "parameters": tables.parameter_rows(joint),
+        "parameters": parameters,
         "did_not_hold": tables.did_not_hold_rows(joint.did_not_hold),
         "tried": tried,
         "barred": barred,

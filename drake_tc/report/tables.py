@@ -114,6 +114,7 @@ def parameter_rows(joint: JointResult) -> Sequence[Row]:
             limits = joint.plausible.get(key, {}).get(name)
             rows.append(
                 {
+                    "key": key,
                     "effect": "drive" if key == "drive" else title_of(key),
                     "name": name.replace("_", " "),
                     "unit": pretty_unit(known[0].unit),

@@ -39,5 +39,5 @@ def test_where_no_text_fits_every_row_is_a_paragraph_within_the_terminal(monkeyp
     lines = _printed(Terminal(), 25, monkeypatch)
     assert max(map(len, lines)) <= 25
     assert [line for line in lines if not line.startswith(" ")] == ["backlash", "delay"]
-    assert " ".join(line.strip() for line in lines[1:-2]) == f"size 1.1; why {ROWS[0][2]}"
-    assert lines[-1].strip() == "size 12"
+    assert " ".join(line.strip() for line in lines[1:-2]) == f"size: 1.1; why: {ROWS[0][2]}"
+    assert lines[-1].strip() == "size: 12"

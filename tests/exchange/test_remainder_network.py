@@ -117,7 +117,7 @@ def test_targets_without_networks_are_refused_and_models_without_a_remainder_are
     assert run(["export", model, "--to", "mjcf", "--remainder", str(tmp_path / "n")]) == 2
     assert "expected --to isaaclab, isaaclab-bam, newton, got --to mjcf" in capsys.readouterr().err
     assert run(["export", model, "--to", "newton", "--joint", "ankle", "--remainder", str(tmp_path / "n")]) == 0
-    assert "no network was written: no joint of this model has a remainder." in capsys.readouterr().err
+    assert "No network was written: no joint of this model has a remainder." in capsys.readouterr().err
     assert not (tmp_path / "n").exists()
     with pytest.raises(ParamsError, match=r"'a b' and 'a/b' would have the same file a_b\.onnx"):
         network_names(["a b", "a/b"])
