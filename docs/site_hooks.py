@@ -5,7 +5,19 @@ from pathlib import Path
 from typing import Any
 
 from mkdocs.structure.files import File, Files
-from site_pages import api, benchmarks, commands, effects, graphs, papers, pictures, real_logs, references, repository
+from site_pages import (
+    api,
+    benchmarks,
+    commands,
+    effects,
+    graphs,
+    papers,
+    pictures,
+    real_logs,
+    references,
+    repository,
+    scripts,
+)
 from site_pages.navigation import navigation
 from site_pages.units import UnitBrackets
 
@@ -70,6 +82,6 @@ _generated: dict[str, str] = {}
 def generated() -> dict[str, str]:
     """Page to its text, made once a build."""
     if not _generated:
-        for module in (effects, references, commands, papers, api):
+        for module in (effects, references, commands, papers, api, scripts):
             _generated.update(module.pages())
     return _generated

@@ -123,8 +123,9 @@ for i, joint in enumerate(joints):
 # A position servo is commanded with a position, so the torque loop asks for an offset $\Delta q$ from where the joint
 # is. It has six parts:
 #
-# $$ \Delta q = \underbrace{K_\tau \tau_{ff}}_{\text{torque}} + \underbrace{K_v \dot q}_{\text{friction}}
-#    + \underbrace{K_6 e_q + K_7 \dot e_q + K_8 \ddot e_q + K_9 e_f}_{\text{feedback}} $$
+# $$ \Delta q = K_\tau \tau_{ff} + K_v \dot q + (K_6 e_q + K_7 \dot e_q + K_8 \ddot e_q + K_9 e_f), $$
+#
+# the parts for torque, friction and feedback.
 
 # %%
 moving = swings["K6 = 1"]

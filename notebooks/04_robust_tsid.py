@@ -61,7 +61,7 @@ humanoid = tsid_entry()
 # at each state. The torques that act are $\tau + e$ with $e \sim N(0, \Sigma)$, a joint's $\sigma$ being a share of its
 # largest torque, and
 #
-# $$ p(\tau) = P\big(l \le G\,(\tau + e) \le u\big) $$
+# $$ p(\tau) = P(l \leq G\,(\tau + e) \leq u) $$
 #
 # is the probability that all limits hold at that state. There is no closed form; `probability` integrates it, and says
 # how well it did.

@@ -79,6 +79,7 @@ TREE: list[Entry] = [
             ("Sensor", "effects/sensor.md"),
         ],
     ),
+    ("Notebooks", [("The loop on one page", "one_page.md"), ("", "notebooks/")]),
     ("Input files", "reference/"),
     ("Commands", "cli/"),
     ("Python", "api/"),

@@ -27,6 +27,7 @@ SHOWN = {
     "diagrams/papers/faraji2015/README.md": "methods/faraji2015.md",
     "models/README.md": "methods/models.md",
     "drake_tc/logs/RIG.md": "reference/rig.md",
+    "diagrams/one_page.py": "one_page.md",
 }
 """File of the repository to its page."""
 IMAGES = ("notebooks/images", "docs/images")
@@ -41,12 +42,16 @@ def page_of(path: str) -> str | None:
         return SHOWN[path]
     if path.startswith("docs/") and path.endswith(".md"):
         return path.removeprefix("docs/")
+    if path.startswith("notebooks/") and path.endswith(".ipynb"):
+        return path.removesuffix(".ipynb") + ".md"
     folder, _, name = path.rpartition("/")
     return f"images/{name}" if folder in IMAGES else None
 
 
 def source_of(page: str) -> str:
     """File of the repository behind a site page."""
+    if page.startswith("notebooks/"):
+        return page.removesuffix(".md") + ".ipynb"
     return next((path for path, shown in SHOWN.items() if shown == page), f"docs/{page}")
 
 

@@ -77,7 +77,7 @@ def test_nothing_is_fetched_from_elsewhere(pages, site):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("section", ["effects", "reference", "cli", "api", "methods", "papers"])
+@pytest.mark.parametrize("section", ["effects", "reference", "cli", "api", "methods", "notebooks", "papers"])
 def test_every_section_has_pages(pages, section):
     assert len([name for name in pages if name.startswith(f"{section}/")]) >= 3
 
