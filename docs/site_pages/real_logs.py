@@ -10,7 +10,10 @@ from typing import Any
 import yaml
 
 from drake_tc.config.page import table
+from drake_tc.diagnosis.shared.causes import TITLES
+from drake_tc.effects.library import all_effects
 from drake_tc.report.numbers import significant
+from drake_tc.report.words import title_of
 
 ROOT = Path(__file__).resolve().parents[2]
 SETS = ROOT / "docs" / "public_sets.yaml"
@@ -66,6 +69,12 @@ def _share(row: Mapping[str, Any]) -> str:
     )
 
 
+def _in_words(named: str) -> str:
+    """A list of effects with their titles in place of their ids, which a narrow column cannot break."""
+    known = {word for each in all_effects() for word in (each.id, each.key)} | set(TITLES)
+    return re.sub(r"[a-z_.]+", lambda word: title_of(word[0]) if word[0] in known else word[0], named)
+
+
 def _figures(name: str, unit: str, rows: Mapping[str, Mapping[str, Any]]) -> tuple[str, ...]:
     errors = []
     for model in MODELS:
@@ -76,4 +85,4 @@ def _figures(name: str, unit: str, rows: Mapping[str, Mapping[str, Any]]) -> tup
     named = re.search(r"named: (.*)", note)
     shown = significant(value) if value is not None and math.isfinite(value) else "–"
     missed = "" if ratio.get("met", True) else " (missed)"
-    return (f"`{name}`", named[1] if named else note, *errors, f"{shown}{missed}")
+    return (f"`{name}`", _in_words(named[1] if named else note), *errors, f"{shown}{missed}")
