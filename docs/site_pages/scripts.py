@@ -19,6 +19,8 @@ SHOWN_FIRST = ("image/svg+xml", "image/png", "text/html", "text/plain")
 ESCAPES = re.compile(r"\x1b\[[0-9;]*m")
 FORMULA = re.compile(r"(```.*?```|`[^`]*`|^    .*?$)|\$\$(.+?)\$\$|\$(.+?)\$", re.S | re.M)
 """Code, which is left as it is; a displayed formula; a formula in a sentence."""
+LEFT_OUT = re.compile(r"<metadata>.*?</metadata>|<style.*?</style>|<!--.*?-->", re.S)
+"""Parts of a picture that a page would take for its own."""
 
 
 def pages() -> dict[str, str]:
