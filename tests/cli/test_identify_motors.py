@@ -124,7 +124,7 @@ def test_one_motor_that_fails_does_not_lose_the_other(invoke, bench, tmp_path):
 
 
 def test_no_motion_is_too_poor_an_excitation(invoke, bench):
-    assert "'elbow/position' is constant (0.3) in all rows" in invoke(*bench(**{"elbow/position": 0.3})).refusal()
+    assert "'elbow/position' is constant (0.3 rad) in all rows" in invoke(*bench(**{"elbow/position": 0.3})).refusal()
 
 
 def test_what_rig_and_files_cannot_be_is_told_before_a_log_is_read(invoke, bench, tmp_path):
