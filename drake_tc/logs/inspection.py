@@ -21,7 +21,7 @@ from drake_tc.logs.prepare import load_run
 from drake_tc.logs.rig import parse_rig
 from drake_tc.logs.suggestion import COUNTED, NAMELESS, Column, describe, suggested_rig
 from drake_tc.logs.suggestion import numbers as in_numbers
-from drake_tc.logs.units import allowed_units, joint_type_of_unit
+from drake_tc.logs.units import TIME, allowed_units, joint_type_of_unit
 from drake_tc.types import FloatArray
 
 AGREES = 0.15
@@ -119,7 +119,6 @@ ESTIMATED = ("ext", "external", "est", "estimate", "estimated", "hat", "observer
 """Words of a signal that was computed and not measured."""
 OBSERVED = re.compile(r"((?:observation[./])?(?:sensor_data|observations?|states?|obs))(_\d+)?", re.IGNORECASE)
 """What data sets for learning call what a robot is in, beside its actions."""
-SECONDS = (("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9))
 RATES = (5.0, 20_000.0)
 """Rates that logs of joints have [Hz]."""
 
@@ -178,13 +177,15 @@ def inspect_log(path: Path) -> Inspection:
     beside: Mapping[str, str] = table.attrs.get("units", {})
     by = str(table.attrs.get("units_by", LINE_BELOW))
     found = {
-        name: with_unit(meaning(name), beside.get(name, ""), by)
+        name: with_unit(told, beside.get(name, ""), by)
         for name, values in numbers.items()
-        if values is not None and name not in aside
+        if values is not None and name not in aside and (told := meaning(name)) is not None
     }
     found = _in_turns(found, notes)
     found |= _dates_as_time(table, found)
-    found |= _observed_beside_actions(found, notes)
+    unnamed = [name for name, values in numbers.items() if values is not None and name not in {*aside, *found}]
+    found |= _observed_beside_actions(found, unnamed, notes)
+    found = {name: found[name] for name in numbers if name in found}
     meanings = _distinct(_of_the_only_joint(_of_one_joint(_of_parts(_with_whole_names(found)), notes)), notes)
     time_name = next((name for name, m in meanings.items() if m.quantity == "time"), None)
     stated = "" if time_name is None else meanings[time_name].unit
@@ -196,7 +197,7 @@ def inspect_log(path: Path) -> Inspection:
     columns = tuple(replace(column, why=aside.get(column.name, column.why)) for column in columns)
     columns = _with_common_units(_in_units_of_their_joints(columns, meanings), meanings, notes)
     if time_name is not None and (time := numbers[time_name]) is not None:
-        columns = _with_units_of_rates(columns, meanings, numbers, time * dict(SECONDS)[unit])
+        columns = _with_units_of_rates(columns, meanings, numbers, time * TIME[unit])
     columns = _with_gears(columns, meanings, numbers)
     if time_name is None:
         notes.append("No column was recognised as the time; name it under `columns: {time: ...}`.")
@@ -207,30 +208,31 @@ def inspect_log(path: Path) -> Inspection:
     return Inspection(path, len(table), rate, gaps, duration, columns, rig, tuple(notes), held, comment)
 
 
-def _dates_as_time(table: pd.DataFrame, found: Mapping[str, Meaning | None]) -> dict[str, Meaning]:
+def _dates_as_time(table: pd.DataFrame, found: Mapping[str, Meaning]) -> dict[str, Meaning]:
     """The only column of dates as the time, where no column is called like a time."""
     dates = [str(name) for name in table.columns if pd.api.types.is_datetime64_any_dtype(table[name])]
-    called = any(told is not None and told.quantity == "time" for told in found.values())
+    called = any(told.quantity == "time" for told in found.values())
     return {dates[0]: Meaning("", "time", dates[0])} if len(dates) == 1 and not called else {}
 
 
-def _observed_beside_actions(found: Mapping[str, Meaning | None], notes: list[str]) -> dict[str, Meaning]:
+def _observed_beside_actions(
+    found: Mapping[str, Meaning], unnamed: Sequence[str], notes: list[str]
+) -> dict[str, Meaning]:
     """`sensor_data` and the like as the position, where a log has no position and as many `actions`.
 
     Data sets for learning that have one vector of each mean the positions and their commands, as LeRobot's have. So do
     columns `hip` beside `hip_target`, called like the joints alone.
     """
-    commands = {told.joint for told in found.values() if told is not None and told.quantity == "position_command"}
-    if any(told is not None and told.quantity == "position" for told in found.values()):
+    commands = {told.joint for told in found.values() if told.quantity == "position_command"}
+    if any(told.quantity == "position" for told in found.values()):
         return {}
-    told = {name: OBSERVED.fullmatch(name) for name, each in found.items() if each is None}
-    positions = {
-        name: Meaning(f"joint{match[2]}" if match[2] else "", "position", match[1])
-        for name, match in told.items()
-        if match
-    }
-    own = {name: "_".join(words(name)) for name, each in found.items() if each is None}
-    positions |= {name: Meaning(joint, "position", name) for name, joint in own.items() if joint and joint in commands}
+    positions = {}
+    for name in unnamed:
+        joint = "_".join(words(name))
+        if joint and joint in commands:
+            positions[name] = Meaning(joint, "position", name)
+        elif match := OBSERVED.fullmatch(name):
+            positions[name] = Meaning(f"joint{match[2]}" if match[2] else "", "position", match[1])
     if not positions or {each.joint for each in positions.values()} != commands:
         return {}
     notes.append(f"Assumed positions: {', '.join(map(repr, positions))}, one for each command.")
@@ -281,7 +283,7 @@ def _with_common_units(
     return tuple(changed.get(column.name, column) for column in columns)
 
 
-def _of_one_joint(found: Mapping[str, Meaning | None], notes: list[str]) -> dict[str, Meaning | None]:
+def _of_one_joint(found: Mapping[str, Meaning], notes: list[str]) -> dict[str, Meaning]:
     """The meanings, where a log that has no quantity of two joints is the log of one joint.
 
     `knee_angle`, `motor_i` and `tau_sensor` then belong together: what their names say beside the quantity are parts
@@ -291,7 +293,7 @@ def _of_one_joint(found: Mapping[str, Meaning | None], notes: list[str]) -> dict
     of_joints = {
         name: told
         for name, told in found.items()
-        if told is not None and told.quantity != "time" and not told.joint.startswith(("imu_", "ft_"))
+        if told.quantity != "time" and not told.joint.startswith(("imu_", "ft_"))
     }
     owners: dict[str, set[str]] = {}
     for told in of_joints.values():
@@ -304,8 +306,7 @@ def _of_one_joint(found: Mapping[str, Meaning | None], notes: list[str]) -> dict
             "Columns whose names say that they are filtered or of another arm are not used:"
             f" {', '.join(map(repr, apart))}. To use one, name it under `columns:`."
         )
-        rest = _of_one_joint({name: told for name, told in found.items() if name not in apart}, notes)
-        return {name: rest.get(name) for name in found}
+        return _of_one_joint({name: told for name, told in found.items() if name not in apart}, notes)
     if (
         len(joints) < 2
         or any("/" in without_unit(name) for name in of_joints)
@@ -323,42 +324,36 @@ def _of_one_joint(found: Mapping[str, Meaning | None], notes: list[str]) -> dict
     return {name: replace(of_joints[name], joint=joint) if name in of_joints else told for name, told in found.items()}
 
 
-def _of_the_only_joint(found: Mapping[str, Meaning | None]) -> dict[str, Meaning | None]:
+def _of_the_only_joint(found: Mapping[str, Meaning]) -> dict[str, Meaning]:
     """The meanings, where columns that name no joint belong to the only joint whose motion the log has."""
-    moving = {told.joint for told in found.values() if told is not None and told.quantity in ("position", "velocity")}
+    moving = {told.joint for told in found.values() if told.quantity in ("position", "velocity")}
     if len(moving) != 1 or "" in moving:
         return dict(found)
     (joint,) = moving
-    has = {told.quantity for told in found.values() if told is not None and told.joint == joint}
+    has = {"time", *(told.quantity for told in found.values() if told.joint == joint)}
     return {
-        name: replace(told, joint=joint)
-        if told is not None and not told.joint and told.quantity != "time" and told.quantity not in has
-        else told
-        for name, told in found.items()
+        name: told if told.joint or told.quantity in has else replace(told, joint=joint) for name, told in found.items()
     }
 
 
-def _distinct(found: Mapping[str, Meaning | None], notes: list[str]) -> dict[str, Meaning]:
+def _distinct(found: Mapping[str, Meaning], notes: list[str]) -> dict[str, Meaning]:
     """The column of each meaning whose name says least beside it. Others are told.
 
     What was measured goes before what was estimated, and canonical names go before others.
     """
     taken: dict[tuple[str, str], str] = {}
 
-    def order(item: tuple[str, Meaning | None]) -> tuple[bool, bool, bool, int]:
-        name, told = item
-        joint, quantity, by = ("", "", "") if told is None else (told.joint, told.quantity, told.by)
-        canonical = name == (f"{joint}/{quantity}" if joint else quantity)
+    def order(name: str) -> tuple[bool, bool, bool, int]:
+        told = found[name]
+        canonical = name == (f"{told.joint}/{told.quantity}" if told.joint else told.quantity)
         estimated = any(word.lower() in ESTIMATED for word in words(name))
-        return estimated, not canonical, "/" not in name, len(words(without_unit(name))) - len(words(by))
+        return estimated, not canonical, "/" not in name, len(words(without_unit(name))) - len(words(told.by))
 
-    for name, told in sorted(found.items(), key=order):
-        if told is None:
-            continue
-        other = taken.setdefault((told.joint, told.quantity), name)
+    for name in sorted(found, key=order):
+        other = taken.setdefault((found[name].joint, found[name].quantity), name)
         if other != name:
             notes.append(f"Columns {other!r} and {name!r} seem to be the same; {other!r} is used.")
-    return {name: told for (_, _), name in taken.items() if (told := found[name]) is not None}
+    return {name: found[name] for name in taken.values()}
 
 
 def _beside(name: str, meanings: Mapping[str, Meaning], numbers: Mapping[str, FloatArray | None]) -> FloatArray | None:
@@ -371,72 +366,56 @@ def _beside(name: str, meanings: Mapping[str, Meaning], numbers: Mapping[str, Fl
     return None if partner is None else numbers[partner]
 
 
-def _with_whole_names(found: Mapping[str, Meaning | None]) -> dict[str, Meaning | None]:
+def _of_joints(found: Mapping[str, Meaning], joints: Mapping[str, str]) -> dict[str, Meaning]:
+    """The meanings with other names of some joints."""
+    return {name: replace(told, joint=joints.get(told.joint, told.joint)) for name, told in found.items()}
+
+
+def _with_whole_names(found: Mapping[str, Meaning]) -> dict[str, Meaning]:
     """The meanings, where a joint that other columns call `NAME_joint` is the same as `NAME`."""
-    joints = {told.joint for told in found.values() if told is not None}
-    whole = {joint: f"{joint}_joint" for joint in joints if joint and f"{joint}_joint" in joints}
-    return {
-        name: replace(told, joint=whole[told.joint]) if told is not None and told.joint in whole else told
-        for name, told in found.items()
-    }
+    joints = {told.joint for told in found.values()}
+    return _of_joints(found, {each: f"{each}_joint" for each in joints if each and f"{each}_joint" in joints})
 
 
 PARTS = ("motor", "encoder", "controller", "drive", "driver", "sensor")
 """Last parts of an owner that are a part of the joint."""
 
 
-def _of_parts(found: Mapping[str, Meaning | None]) -> dict[str, Meaning | None]:
+def _of_parts(found: Mapping[str, Meaning]) -> dict[str, Meaning]:
     """The meanings, where `axis0/encoder` and `axis0/motor` are parts of the joint `axis0`, as an ODrive calls them.
 
     They are where no quantity is of two of them, and none is the position of the motor.
     """
     owners: dict[str, dict[str, list[str]]] = {}
-    for told in found.values():
-        if told is None or told.quantity == "time":
-            continue
+    for told in (each for each in found.values() if each.quantity != "time"):
         owner, _, part = told.joint.rpartition("/")
         if base := owner if part in PARTS else told.joint:
             owners.setdefault(base, {}).setdefault(told.joint, []).append(told.quantity)
     joined: dict[str, str] = {}
     for base, parts in owners.items():
-        all_of_them = [quantity for each in parts.values() for quantity in each]
-        if (
-            len(parts) > 1
-            and len(set(all_of_them)) == len(all_of_them)
-            and "position" not in parts.get(f"{base}/motor", ())
-        ):
+        quantities = [quantity for each in parts.values() for quantity in each]
+        distinct = len(set(quantities)) == len(quantities)
+        if len(parts) > 1 and distinct and "position" not in parts.get(f"{base}/motor", ()):
             joined |= dict.fromkeys(parts, base)
-    return {
-        name: replace(told, joint=joined[told.joint]) if told is not None and told.joint in joined else told
-        for name, told in found.items()
-    }
+    return _of_joints(found, joined)
 
 
 OF_ODRIVE: Mapping[str, str] = MappingProxyType(
-    {
-        "pos_estimate": "rev",
-        "input_pos": "rev",
-        "pos_setpoint": "rev",
-        "vel_estimate": "rev/s",
-        "input_vel": "rev/s",
-        "vel_setpoint": "rev/s",
-    }
+    dict.fromkeys(("pos_estimate", "input_pos", "pos_setpoint"), "rev")
+    | dict.fromkeys(("vel_estimate", "input_vel", "vel_setpoint"), "rev/s")
 )
 """Units of the endpoints of an ODrive, by the last parts of their names."""
 
 
-def _in_turns(found: Mapping[str, Meaning | None], notes: list[str]) -> dict[str, Meaning | None]:
+def _in_turns(found: Mapping[str, Meaning], notes: list[str]) -> dict[str, Meaning]:
     """The meanings, where two names that only an ODrive has say that the angles are turns."""
     last = {name: re.split("[/.]", name)[-1] for name in found}
-    angles = [name for name, told in found.items() if told is not None and not told.unit and last[name] in OF_ODRIVE]
+    angles = [name for name, told in found.items() if not told.unit and last[name] in OF_ODRIVE]
     if len({last[name] for name in angles} | ({"Iq_measured", "Iq_setpoint"} & set(last.values()))) < 2:
         return dict(found)
     notes.append("The names are those of an ODrive, so the positions and speeds are in turns and turns/s.")
     by = "the manual of ODrive"
-    of_odrive = {
-        name: replace(told, unit=OF_ODRIVE[last[name]], unit_by=by) for name in angles if (told := found[name])
-    }
-    return {**found, **of_odrive}
+    return {**found, **{name: replace(found[name], unit=OF_ODRIVE[last[name]], unit_by=by) for name in angles}}
 
 
 def _clock(time: FloatArray | None, stated: str = "") -> tuple[str, float, int, float]:
@@ -449,8 +428,9 @@ def _clock(time: FloatArray | None, stated: str = "") -> tuple[str, float, int, 
     if steps.size == 0:
         return "s", float("nan"), 0, 0.0
     median = float(np.median(steps))
-    possible = ((u, s) for u, s in SECONDS if RATES[0] <= 1.0 / (median * s) <= RATES[1])
-    unit, scale = (stated, dict(SECONDS)[stated]) if stated else next(possible, SECONDS[0])
+    possible = (name for name, scale in TIME.items() if RATES[0] <= 1.0 / (median * scale) <= RATES[1])
+    unit = stated or next(possible, "s")
+    scale = TIME[unit]
     return unit, median * scale, int((steps > 5.0 * median).sum()), float(finite[-1] - finite[0]) * scale
 
 

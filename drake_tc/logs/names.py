@@ -10,123 +10,64 @@ from drake_tc.logs.units import JOINT_SUFFIXES, SENSOR_SUFFIXES, is_known, is_un
 
 DUTY_CYCLE = ("duty", "duty_cycle", "pwm", "pwm_duty")
 """Names of a voltage that is stated as a share of the supply voltage."""
-QUANTITIES: Mapping[str, tuple[str, ...]] = MappingProxyType(
+QUANTITIES: Mapping[str, str] = MappingProxyType(
     {
         "position": (
-            *("position", "pos", "q", "qpos", "angle", "ang", "theta", "actual_q", "present_position", "encoder"),
-            *("joint_position", "joint_pos", "q_actual", "q_meas", "measured_position", "state_position", "phi"),
-            *(
-                "present_pos",
-                "actual_pos",
-                "enc",
-                "encoder_position",
-                "encoder_pos",
-                "encoder_angle",
-                "posn",
-                "winkel",
-                "lage",
-            ),
+            "position pos q qpos angle ang theta actual_q present_position encoder joint_position joint_pos q_actual"
+            " q_meas measured_position state_position phi present_pos actual_pos enc encoder_position encoder_pos"
+            " encoder_angle posn winkel lage"
         ),
         "position_command": (
-            *("position_command", "position_cmd", "pos_cmd", "pos_command", "cmd_pos", "command", "cmd", "target"),
-            *("setpoint", "goal"),
-            *("q_ref", "q_d", "q_des", "q_cmd", "q_target", "target_q", "desired_position", "position_desired"),
-            *("goal_position", "position_reference", "reference", "ref", "desired", "target_position", "position_ref"),
-            *("position_target", "theta_ref", "theta_des", "action", "actions", "pos_ref", "pos_des", "pos_target"),
-            "target_pos",
-            *("goal_pos", "desired_pos", "input_pos"),
+            "position_command position_cmd pos_cmd pos_command cmd_pos command cmd target setpoint goal q_ref q_d"
+            " q_des q_cmd q_target target_q desired_position position_desired goal_position position_reference"
+            " reference ref desired target_position position_ref position_target theta_ref theta_des action actions"
+            " pos_ref pos_des pos_target target_pos goal_pos desired_pos input_pos"
         ),
         "velocity": (
-            *("velocity", "vel", "dq", "qd", "speed", "omega", "actual_qd", "present_velocity", "q_dot", "qvel"),
-            *("joint_velocity", "joint_vel", "rpm", "dtheta", "theta_dot", "qdot", "spd", "velo", "ang_vel"),
-            *("angular_velocity", "motor_velocity", "motor_speed", "motor_vel", "geschwindigkeit", "drehzahl"),
+            "velocity vel dq qd speed omega actual_qd present_velocity q_dot qvel joint_velocity joint_vel rpm dtheta"
+            " theta_dot qdot spd velo ang_vel angular_velocity motor_velocity motor_speed motor_vel geschwindigkeit"
+            " drehzahl"
         ),
         "current": (
-            *("current", "cur", "amps", "amp", "i", "iq", "motor_current", "present_current", "actual_current"),
-            *("i_q", "i_meas", "current_a", "motor_current_a", "actual_i", "curr", "q_axis", "q_axis_current", "strom"),
-            *("q_current", "current_q"),
+            "current cur amps amp i iq motor_current present_current actual_current i_q i_meas current_a"
+            " motor_current_a actual_i curr q_axis q_axis_current strom q_current current_q"
         ),
-        "voltage": (
-            *("voltage", "volts", "volt", "u", "motor_voltage", "v_motor", "applied_voltage", "u_motor", "spannung"),
-            *("voltage_q", "q_voltage", *DUTY_CYCLE),
-        ),
+        "voltage": "voltage volts volt u motor_voltage v_motor applied_voltage u_motor spannung voltage_q q_voltage",
         "torque": (
-            *(
-                "torque",
-                "tau",
-                "trq",
-                "tq",
-                "joint_torque",
-                "measured_torque",
-                "torque_sensor",
-                "tau_meas",
-                "moment",
-                "momenten",
-            ),
-            *("load_torque", "tau_ext", "torque_meas", "torque_nm", "tor", "torq", "tau_measured", "drehmoment"),
-            *("tau_j", "tau_sensor", "sensor_torque", "link_torque"),
-            *("force", "load_cell", "loadcell", "force_sensor", "measured_force", "load_force", "axial_force"),
+            "torque tau trq tq joint_torque measured_torque torque_sensor tau_meas moment momenten load_torque tau_ext"
+            " torque_meas torque_nm tor torq tau_measured drehmoment tau_j tau_sensor sensor_torque link_torque force"
+            " load_cell loadcell force_sensor measured_force load_force axial_force"
         ),
         "torque_command": (
-            *("torque_command", "torque_cmd", "tau_cmd", "tau_des", "tau_d", "desired_torque", "target_torque"),
-            *("force_command", "force_cmd", "force_des", "force_ref", "commanded_force", "desired_force"),
-            *("effort_command", "effort", "eff", "commanded_torque", "tau_ref", "torque_des", "torque_ref"),
-            *(
-                "tau_j_d",
-                "input_torque",
-                "applied_torque",
-                "computed_torque",
-                "motor_torque",
-                "torque_motor",
-                "tau_motor",
-                "motor_tau",
-            ),
+            "torque_command torque_cmd tau_cmd tau_des tau_d desired_torque target_torque force_command force_cmd"
+            " force_des force_ref commanded_force desired_force effort_command effort eff commanded_torque tau_ref"
+            " torque_des torque_ref tau_j_d input_torque applied_torque computed_torque motor_torque torque_motor"
+            " tau_motor motor_tau"
         ),
         "enabled": (
-            *("enabled", "enable", "torque_enable", "torque_enabled", "motor_enabled", "motor_on", "servo_on"),
-            *("torque_on", "drive_enabled", "servo_enabled", "is_enabled", "motors_on"),
+            "enabled enable torque_enable torque_enabled motor_enabled motor_on servo_on torque_on drive_enabled"
+            " servo_enabled is_enabled motors_on"
         ),
-        "current_command": ("current_des", "current_cmd", "current_command", "current_ref", "i_des", "i_ref", "i_cmd"),
-        "velocity_command": (
-            "velocity_command",
-            "vel_cmd",
-            "cmd_vel",
-            "dq_ref",
-            "dq_des",
-            "velocity_ref",
-            "qd_des",
-            "dq_d",
-            "input_vel",
-        ),
+        "current_command": "current_des current_cmd current_command current_ref i_des i_ref i_cmd",
+        "velocity_command": "velocity_command vel_cmd cmd_vel dq_ref dq_des velocity_ref qd_des dq_d input_vel",
         "motor_position": (
-            *("motor_position", "motor_pos", "motor_angle", "q_motor", "theta_m", "rotor_position", "theta_motor"),
-            *("motor_theta", "phi_motor", "motor_encoder", "encoder_motor", "rotor_angle", "rotor_pos"),
+            "motor_position motor_pos motor_angle q_motor theta_m rotor_position theta_motor motor_theta phi_motor"
+            " motor_encoder encoder_motor rotor_angle rotor_pos"
         ),
-        "temperature": ("temperature", "temp", "motor_temp", "motor_temperature", "present_temperature", "temperatur"),
+        "temperature": "temperature temp motor_temp motor_temperature present_temperature temperatur",
         "supply_voltage": (
-            *("supply_voltage", "vbus", "bus_voltage", "battery_voltage", "input_voltage", "input_volts", "vbat"),
-            *(
-                "vbus_voltage",
-                "v_bat",
-                "v_bus",
-                "v_supply",
-                "vsupply",
-                "u_dc",
-                "v_dc",
-                "vdc",
-                "dc_voltage",
-                "dc_bus_voltage",
-            ),
-            "dc_link_voltage",
+            "supply_voltage vbus bus_voltage battery_voltage input_voltage input_volts vbat vbus_voltage v_bat v_bus"
+            " v_supply vsupply u_dc v_dc vdc dc_voltage dc_bus_voltage dc_link_voltage"
         ),
         "time": (
-            *("time", "t", "timestamp", "stamp", "time_s", "secs", "seconds", "time_ms", "t_s", "time_stamp", "ts"),
-            *("zeit", "tout", "micros", "millis", "elapsed", "elapsed_time"),
+            "time t timestamp stamp time_s secs seconds time_ms t_s time_stamp ts zeit tout micros millis elapsed"
+            " elapsed_time"
         ),
     }
 )
-"""Quantity to the words, joined by '_' in small letters, that columns of it are called."""
-_BY_WORDS = {words: quantity for quantity, names in QUANTITIES.items() for words in names}
+"""Quantity to what columns of it are called, between blanks: words in small letters, joined by '_'."""
+_BY_WORDS = {words: quantity for quantity, names in QUANTITIES.items() for words in names.split()}
+_BY_WORDS |= dict.fromkeys(DUTY_CYCLE, "voltage")
 _KNOWN = {word for words in _BY_WORDS for word in words.split("_")}
 SHORTEST = 3
 """Letters from which the word of a quantity may stand behind another word (`actpos`) or, with one more, be a plural."""
@@ -364,7 +305,7 @@ LINE_BELOW = "line 2 of the file"
 """What states units where the reader of a log names nothing else."""
 
 
-def with_unit(told: Meaning | None, stated: str, by: str = LINE_BELOW) -> Meaning | None:
+def with_unit(told: Meaning, stated: str, by: str) -> Meaning:
     """A meaning, with the unit that a file states beside the names; one in the name itself goes first.
 
     Args:
@@ -372,7 +313,7 @@ def with_unit(told: Meaning | None, stated: str, by: str = LINE_BELOW) -> Meanin
         stated: What the file states; empty for nothing.
         by: Where it states it.
     """
-    if told is None or told.unit or not stated:
+    if told.unit or not stated:
         return told
     unit = unit_named(stated, told.quantity)
     if told.quantity == "time":

@@ -181,42 +181,42 @@ def scale_of(canonical: str, units: Mapping[str, str | float]) -> Scale:
     return Scale()
 
 
-SPELLINGS: Mapping[str, tuple[str, ...]] = MappingProxyType(
+SPELLINGS: Mapping[str, str] = MappingProxyType(
     {
-        "deg": ("degs", "degree", "degrees", "°", "grad"),
-        "rad": ("rads", "radian", "radians"),
-        "rev": ("revs", "revolution", "revolutions", "rot", "rotations"),
-        "turn": ("turns",),
-        "deg/s": ("degs", "deg_s", "degs_s", "deg_per_s", "dps", "°/s", "deg/sec"),
-        "rad/s": ("rads", "rad_s", "rads_s", "rad_per_s", "rad/sec"),
-        "mrad/s": ("mrad_s", "mrad_per_s"),
-        "rpm": ("1/min", "min-1", "rev/min", "u/min", "r/min"),
-        "rev/s": ("rev_s", "revs_s", "rev_per_s", "rps", "1/s", "hz"),
-        "N*m": ("nm", "n_m", "newtonmeter", "newtonmeters", "newton_meter", "newton_meters"),
-        "mN*m": ("mnm", "millinewtonmeter", "millinewtonmeters", "millinewton_meters"),
-        "N*mm": ("nmm", "n_mm"),
-        "N*cm": ("ncm", "n_cm"),
-        "kgf*cm": ("kgfcm", "kgcm", "kgf_cm", "kg_cm"),
-        "kgf*m": ("kgfm", "kgm", "kgf_m", "kg_m"),
-        "lbf*ft": ("lbfft", "lbft", "ftlb", "ftlbs", "ftlbf", "lbf_ft", "lb_ft", "ft_lb", "ft_lbs"),
-        "lbf*in": ("lbfin", "lbin", "inlb", "inlbs", "inlbf", "lbf_in", "lb_in", "in_lb", "in_lbs"),
-        "ozf*in": ("ozfin", "ozin", "inoz", "ozf_in", "oz_in"),
-        "mm/s": ("mm_s", "mm_per_s"),
-        "m/s": ("m_s", "m_per_s"),
-        "A": ("amp", "amps", "ampere", "amperes"),
-        "mA": ("milliamp", "milliamps", "mamp", "mamps", "milliampere", "milliamperes"),
-        "V": ("volt", "volts"),
-        "s": ("sec", "secs", "seconds"),
-        "ms": ("msec", "msecs", "millis", "milliseconds"),
-        "us": ("usec", "usecs", "micros", "microseconds"),
-        "ns": ("nsec", "nsecs", "nanos", "nanosec", "nanoseconds"),
-        "in": ("inch", "inches"),
-        "lbf": ("lb", "lbs"),
-        "degC": ("°c", "c", "celsius"),
-        "degF": ("°f", "f", "fahrenheit"),
+        "deg": "degs degree degrees ° grad",
+        "rad": "rads radian radians",
+        "rev": "revs revolution revolutions rot rotations",
+        "turn": "turns",
+        "deg/s": "degs deg_s degs_s deg_per_s dps °/s deg/sec",
+        "rad/s": "rads rad_s rads_s rad_per_s rad/sec",
+        "mrad/s": "mrad_s mrad_per_s",
+        "rpm": "1/min min-1 rev/min u/min r/min",
+        "rev/s": "rev_s revs_s rev_per_s rps 1/s hz",
+        "N*m": "nm n_m newtonmeter newtonmeters newton_meter newton_meters",
+        "mN*m": "mnm millinewtonmeter millinewtonmeters millinewton_meters",
+        "N*mm": "nmm n_mm",
+        "N*cm": "ncm n_cm",
+        "kgf*cm": "kgfcm kgcm kgf_cm kg_cm",
+        "kgf*m": "kgfm kgm kgf_m kg_m",
+        "lbf*ft": "lbfft lbft ftlb ftlbs ftlbf lbf_ft lb_ft ft_lb ft_lbs",
+        "lbf*in": "lbfin lbin inlb inlbs inlbf lbf_in lb_in in_lb in_lbs",
+        "ozf*in": "ozfin ozin inoz ozf_in oz_in",
+        "mm/s": "mm_s mm_per_s",
+        "m/s": "m_s m_per_s",
+        "A": "amp amps ampere amperes",
+        "mA": "milliamp milliamps mamp mamps milliampere milliamperes",
+        "V": "volt volts",
+        "s": "sec secs seconds",
+        "ms": "msec msecs millis milliseconds",
+        "us": "usec usecs micros microseconds",
+        "ns": "nsec nsecs nanos nanosec nanoseconds",
+        "in": "inch inches",
+        "lbf": "lb lbs",
+        "degC": "°c c celsius",
+        "degF": "°f f fahrenheit",
     }
 )
-"""Units of rig files to how others write them; small letters, and without the dots and stars of products."""
+"""Units of rig files to how others write them, between blanks, in small letters without the signs of products."""
 COUNTS = (
     *("inc", "incs", "increment", "increments", "tick", "ticks", "count", "counts", "cnt", "cnts", "qc"),
     *("pulse", "pulses", "step", "steps", "lsb", "digit", "digits", "raw", "adc"),
@@ -267,10 +267,9 @@ def unit_named(text: str, quantity: str) -> str:
 def _spelled(quantity: str) -> Mapping[str, str]:
     """Spellings of the units of a quantity, as `_plain` leaves them, to the units."""
     possible = allowed_units(quantity)
-    named = {_plain(unit): unit for unit in reversed(list(possible))}
-    for unit in possible:
-        named |= {_plain(spelling): unit for spelling in SPELLINGS.get(unit, ()) if _plain(spelling) not in named}
-    return named
+    spellings = ((text, unit) for unit in possible for text in SPELLINGS.get(unit, "").split())
+    told = [*zip(possible, possible, strict=True), *spellings]
+    return {_plain(text): unit for text, unit in reversed(told)}  # the first of two that are spelled alike counts
 
 
 _SOME_OF = re.compile(r"(?:\d+(?:[.,]\d+)?(?:e-?\d+)?|1/\d+)\s*[*x]?\s*([^\W\d].*|[°%µ].*)", re.IGNORECASE)
@@ -295,6 +294,6 @@ def is_known(text: str) -> bool:
 def spelled_in_names() -> str:
     """The units that names of columns state without brackets, as the alternatives of a pattern, longer ones first."""
     known = {each for units in (*JOINT_SUFFIXES.values(), *SENSOR_SUFFIXES.values()) for each in units}
-    spelled = {*known, *(each for unit in known for each in SPELLINGS.get(unit, ()))} - set(TIME)
+    spelled = {*known, *(each for unit in known for each in SPELLINGS.get(unit, "").split())} - set(TIME)
     ends = [each for each in spelled if each.lower() not in _ONLY_IN_BRACKETS]
     return "|".join(map(re.escape, sorted(ends, key=len, reverse=True)))

@@ -19,19 +19,8 @@ from drake_tc.logs.files.bag_messages import Kind, Stream
 from drake_tc.types import FloatArray, IntArray
 
 OTHERS = (
-    *("leader", "teleop", "teleoperation"),
-    *(
-        "filtered",
-        "filter",
-        "filt",
-        "smoothed",
-        "smooth",
-        "lowpass",
-        "predicted",
-        "prediction",
-        "estimated",
-        "estimate",
-    ),
+    *("leader", "teleop", "teleoperation", "filtered", "filter", "filt", "smoothed", "smooth", "lowpass"),
+    *("predicted", "prediction", "estimated", "estimate"),
     *("ik", "solution", "plan", "planned", "planner", "ghost", "fake", "mock"),
 )
 """Words of topics whose joint states are no measurements of the robot: another arm's, copies, and intentions."""

@@ -12,11 +12,11 @@ import csv
 import io
 import re
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
-from functools import partial
+from collections.abc import Mapping, Sequence
+from itertools import islice, takewhile
 from pathlib import Path
 from types import MappingProxyType
-from typing import IO, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -28,8 +28,7 @@ from drake_tc.logs.files.table_forms import MISSING, of_series
 from drake_tc.logs.names import meaning
 from drake_tc.logs.units import is_known, is_unit, unit_named
 
-LONGEST_LINE = 2**24
-"""Of the first lines of a CSV file [bytes]."""
+ENDINGS = (".csv", ".csv.gz", ".tsv", ".txt")
 SEPARATORS = (",", ";", "\t")
 """Of cells; the first of them that the header has."""
 LINES_ABOVE = 50
@@ -44,21 +43,18 @@ def _is_comment(line: bytes) -> bool:
     return not text or text.startswith(COMMENT_MARKS)
 
 
-def _comments_above(opened: Callable[[], IO[bytes]]) -> list[bytes]:
+def _comments_above(content: bytes) -> list[bytes]:
     """The comments and empty lines above the names and the data."""
-    found: list[bytes] = []
-    with opened() as file:
-        while (line := file.readline(LONGEST_LINE)) and _is_comment(line.removeprefix(codecs.BOM_UTF8)):
-            found.append(line)
-    return found if line else []
+    found = list(takewhile(_is_comment, io.BytesIO(content)))
+    return found if sum(map(len, found)) < len(content) else []
 
 
-def _commented_names(comments: Sequence[bytes], below: bytes) -> str:
+def _commented_names(comments: Sequence[bytes], below: str) -> str:
     """The names of the columns that the last comment above a row of numbers holds; empty where it holds none.
 
     `numpy.savetxt` writes its header so, `# time,position` above `0.0,0.1`, and `rostopic echo -p` `%time,field.name0`.
     """
-    cells = _cells_of(_decoded(below))
+    cells = _cells_of(below)
     if not comments or not any(map(_is_number, cells)):
         return ""
     text = _decoded(comments[-1]).strip().strip('"').lstrip("#%/ ")
@@ -66,18 +62,13 @@ def _commented_names(comments: Sequence[bytes], below: bytes) -> str:
     return text if len(names) == len(cells) > 1 and not any(map(_is_number, names)) else ""
 
 
+def _separator(line: str) -> str:
+    """The character that splits a header: a comma unless there is none but a semicolon or a tab."""
+    return next((mark for mark in SEPARATORS if mark in line), ",")
+
+
 def _cells_of(line: str) -> list[str]:
-    separator = next((mark for mark in SEPARATORS if mark in line), ",")
-    return [cell.strip() for cell in next(csv.reader([line.strip()], delimiter=separator), [])]
-
-
-def _check_encoding(path: Path, beginning: bytes) -> None:
-    """Refuse content with a zero among the first bytes: UTF-32, UTF-16 without a byte-order mark, binary data."""
-    if b"\x00" in beginning:
-        raise LogError(
-            f"{path}: expected text in UTF-8, or in UTF-16 with a byte-order mark, got another encoding or binary data;"
-            " save it as CSV in UTF-8"
-        )
+    return [cell.strip() for cell in next(csv.reader([line.strip()], delimiter=_separator(line)), [])]
 
 
 def _decoded(line: bytes) -> str:
@@ -88,10 +79,15 @@ def _decoded(line: bytes) -> str:
         return line.decode("cp1252", errors="replace")
 
 
-def cells(file: IO[bytes], separator: str, lines: int) -> list[list[str]]:
-    """The cells of the first `lines` lines; fewer rows where the file ends before."""
-    text = "".join(_decoded(file.readline(LONGEST_LINE)) for _ in range(lines))
-    return [[cell.strip() for cell in row] for row in csv.reader(io.StringIO(text), delimiter=separator)]
+def _head(content: bytes, lines: int = LINES_ABOVE) -> list[str]:
+    """The first lines; fewer where the content ends before."""
+    return [_decoded(line) for line in islice(io.BytesIO(content), lines)]
+
+
+def _first_cells(content: bytes) -> list[list[str]]:
+    """The cells of the first lines."""
+    lines = _head(content, FIRST_ROWS)
+    return [[cell.strip() for cell in row] for row in csv.reader(lines, delimiter=_separator("".join(lines[:1])))]
 
 
 def _stated_units(rows: Sequence[Sequence[str]]) -> dict[str, str]:
@@ -110,12 +106,11 @@ def _stated_units(rows: Sequence[Sequence[str]]) -> dict[str, str]:
     return filled if 2 * known >= len(filled) else {}
 
 
-def _check_header_is_first(path: Path, opened: Callable[[], IO[bytes]]) -> None:
+def _check_header_is_first(path: Path, content: bytes) -> None:
     """Refuse lines of text above the names: a first line of one cell where lines below have several."""
-    with opened() as file:
-        lines = [_decoded(file.readline(LONGEST_LINE)) for _ in range(LINES_ABOVE)]
+    lines = _head(content)
     widths = [max(line.count(mark) for mark in SEPARATORS) + 1 for line in lines]
-    if widths[0] > 1 or max(widths) < 2:
+    if max(widths, default=1) < 2 or widths[0] > 1:
         return
     header = widths.index(max(widths))
     above = "line 1" if header == 1 else f"lines 1 to {header}"
@@ -161,13 +156,12 @@ def _is_decimal(text: str) -> bool:
     return _is_number(text.replace(",", ".", 1))
 
 
-def _lines_above_names(opened: Callable[[], IO[bytes]]) -> int:
+def _lines_above_names(content: bytes) -> int:
     """How many lines above the names say something else, such as the date and the device.
 
     The names are the line above the first row of numbers, or above a line of units, if they have as many cells.
     """
-    with opened() as file:
-        lines = [_decoded(file.readline(LONGEST_LINE)) for _ in range(LINES_ABOVE)]
+    lines = _head(content)
     for separator in (mark for mark in SEPARATORS if any(mark in line for line in lines)):
         rows = [[cell.strip() for cell in line.strip().split(separator)] for line in lines]
         numbers = (i for i, row in enumerate(rows) if len(row) > 1 and all(map(_is_decimal, row)))
@@ -187,9 +181,6 @@ def _is_number(text: str) -> bool:
     except ValueError:
         return False
     return True
-
-
-_NUMBER = re.compile(r"\s*[+-]?(\d+(,\d*)?|,\d+)([eE][+-]?\d+)?\s*")
 
 
 def _with_decimal_points(table: pd.DataFrame, separator: str) -> pd.DataFrame:
@@ -311,7 +302,7 @@ def _with_named_times(rows: Sequence[Sequence[str]]) -> _Pairs | None:
         return None
     lines = 2 if units else 1
     data = [row[: len(names) : 2] for row in rows[lines:] if len(row) >= len(names)]
-    known = all(_NUMBER.fullmatch(cell.replace(".", ",")) for row in data for cell in row)
+    known = all(_is_decimal(cell) for row in data for cell in row)
     increase = known and np.diff([[float(cell.replace(",", ".")) for cell in row] for row in data], axis=0) > 0.0
     if len(data) < 2 or not np.all(increase):
         return None
@@ -353,60 +344,45 @@ def _of_pairs(cells: pd.DataFrame, pairs: _Pairs) -> pd.DataFrame:
     return table
 
 
-Opener = Callable[[], IO[bytes]]
-ENDINGS = (".csv", ".csv.gz", ".tsv", ".txt")
-
-
 class _Content(NamedTuple):
     """The content of a CSV file from the names of its columns on.
 
     Attributes:
-        opened: Opens it.
+        text: In UTF-8, with a character between the cells.
         above: Lines above the names.
         notes: What was not read.
         skipped: The texts of the comments and of the lines above the names.
     """
 
-    opened: Opener
+    text: bytes
     above: int
     notes: tuple[str, ...]
-    skipped: tuple[str, ...] = ()
+    skipped: tuple[str, ...]
 
 
 def _content(path: Path) -> _Content:
-    """The content without comments and without empty lines above the names.
+    """The content without comments, and without lines above the names that are empty or say something else.
 
     Where the last comment above the numbers holds the names, it is the header.
     """
-    content = _text_of(path)
-    opened = partial(io.BytesIO, content)
-    above = _comments_above(opened)
-    below = content[sum(map(len, above)) :]
-    may_be_within = any(b"\n" + mark in below for mark in COMMENT_MARKS)
-    within = [line for line in below.splitlines(keepends=True) if _is_comment(line)] if may_be_within else []
-    if not above and not within:
-        return _without_preamble(_Content(opened, 0, ()))
-    if within:
-        below = b"".join(line for line in below.splitlines(keepends=True) if not _is_comment(line) or not line.strip())
-    names = _commented_names(above, below[:LONGEST_LINE].splitlines()[0])
-    whole = names.encode() + b"\n" + below if names else below
-    left_out = len(above) - bool(names) + sum(1 for line in within if line.strip())
-    notes = (f"{left_out} comment lines or empty lines were skipped.",) if left_out else ()
-    skipped = tuple(_decoded(line).strip() for line in (*above, *within))
-    return _without_preamble(_Content(lambda: io.BytesIO(whole), len(above) - bool(names), notes, skipped))
-
-
-def _without_preamble(content: _Content) -> _Content:
-    """The content without lines above the names that say something else."""
-    lines = _lines_above_names(content.opened)
-    if not lines:
-        return content
-    which = f"{lines} lines above the names of the columns were" if lines > 1 else "The line above the names was"
-    note = f"{which} skipped."
-    with content.opened() as file:
-        texts = [_decoded(file.readline(LONGEST_LINE)).strip() for _ in range(lines)]
-    skipped = (*content.skipped, *texts)
-    return _Content(_without_lines(content.opened, lines), content.above + lines, (*content.notes, note), skipped)
+    text, notes, names = _text_of(path), list[str](), ""
+    above, within = _comments_above(text), list[bytes]()
+    text = text[sum(map(len, above)) :]
+    if any(b"\n" + mark in text for mark in COMMENT_MARKS):
+        within = [line for line in io.BytesIO(text) if _is_comment(line)]
+        text = b"".join(line for line in io.BytesIO(text) if not line.strip() or not _is_comment(line))
+    if above or within:
+        names = _commented_names(above, _head(text, 1)[0])
+        text = names.encode() + b"\n" + text if names else text
+    if left_out := len(above) - bool(names) + sum(1 for line in within if line.strip()):
+        notes.append(f"{left_out} comment lines or empty lines were skipped.")
+    lines = _lines_above_names(text)
+    if lines:
+        which = f"{lines} lines above the names of the columns were" if lines > 1 else "The line above the names was"
+        notes.append(f"{which} skipped.")
+    skipped = (*map(_decoded, (*above, *within)), *_head(text, lines))
+    rest = _without_lines(text, 0, lines)
+    return _Content(rest, len(above) - bool(names) + lines, tuple(notes), tuple(line.strip() for line in skipped))
 
 
 def _units_above(skipped: Sequence[str], names: Sequence[str]) -> dict[str, str]:
@@ -427,32 +403,9 @@ def _units_above(skipped: Sequence[str], names: Sequence[str]) -> dict[str, str]
 def first_line(path: Path) -> int:
     """The line of the first row of data in a text file: 2, or further down below comments and a line of units."""
     content = _content(path)
-    separator = _separator(content.opened)
-    with content.opened() as file:
-        rows = cells(file, separator, FIRST_ROWS)
+    rows = _first_cells(content.text)
     pairs = _pairs_of(rows)
     return content.above + (pairs.lines + 1 if pairs else 3 if _stated_units(rows) else 2)
-
-
-def _separator(opened: Opener) -> str:
-    """The character that splits the header: a comma unless there is none but a semicolon or a tab."""
-    with opened() as file:
-        header = _decoded(file.readline(LONGEST_LINE))
-    return next((mark for mark in SEPARATORS if mark in header), ",")
-
-
-def _header(path: Path, opened: Opener, separator: str) -> tuple[list[str], dict[str, str]]:
-    """The names of the columns, and the units that a line below states.
-
-    Refused are a header of numbers, and one with a name that stands twice, which pandas would rename in silence.
-    """
-    _check_header_is_first(path, opened)
-    with opened() as file:
-        rows = cells(file, separator, 3)
-    names = rows[0] if rows else []
-    _check_names_are_words(path, names)
-    refuse_repeated(path, [name for name in names if name])
-    return names, _stated_units(rows)
 
 
 def refuse_repeated(path: Path, names: list[str]) -> None:
@@ -466,19 +419,18 @@ def refuse_repeated(path: Path, names: list[str]) -> None:
         raise LogError(f"{path}: column {quoted(twice)} stands more than once; give each column a name of its own")
 
 
-def _check_cells(path: Path, opened: Opener, separator: str, width: int) -> None:
+def _check_cells(path: Path, content: bytes, separator: str, width: int) -> None:
     """Refuse single rows with more cells than the others and than the header has names; empty cells do not count.
 
     Where every row has a cell more than the header, the last column has no name, and is not read.
     """
     lengths: Counter[int] = Counter()
     first: dict[int, int] = {}
-    with opened() as file:
-        text = io.TextIOWrapper(file, encoding="utf-8", errors="replace", newline="")
-        for row in (rows := csv.reader(text, delimiter=separator)):
-            filled = max((i + 1 for i, cell in enumerate(row) if cell.strip()), default=0)
-            lengths[filled] += 1
-            first.setdefault(filled, rows.line_num)
+    text = io.TextIOWrapper(io.BytesIO(content), encoding="utf-8", errors="replace", newline="")
+    for row in (rows := csv.reader(text, delimiter=separator)):
+        filled = max((i + 1 for i, cell in enumerate(row) if cell.strip()), default=0)
+        lengths[filled] += 1
+        first.setdefault(filled, rows.line_num)
     expected = max(width, lengths.most_common(1)[0][0])
     longer = [first[length] for length in lengths if length > expected]
     if longer:
@@ -491,12 +443,20 @@ def _check_cells(path: Path, opened: Opener, separator: str, width: int) -> None
 
 
 def _text_of(path: Path) -> bytes:
-    """The content of a file in UTF-8, unpacked where it is packed, with a character between the cells."""
+    """The content of a file in UTF-8, unpacked where it is packed, with a character between the cells.
+
+    Raises:
+        LogError: A zero among the first bytes: UTF-32, UTF-16 without a byte-order mark, or binary data.
+    """
     content = unpacked_gzip(path) if path.name.lower().endswith(".gz") else path.read_bytes()
     if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         content = content.decode("utf-16", errors="replace").encode()
-    _check_encoding(path, content[:4])
-    return _with_commas(path, content)
+    if b"\x00" in content[:4]:
+        raise LogError(
+            f"{path}: expected text in UTF-8, or in UTF-16 with a byte-order mark, got another encoding or binary data;"
+            " save it as CSV in UTF-8"
+        )
+    return _with_commas(path, content.removeprefix(codecs.BOM_UTF8))
 
 
 def read_csv(path: Path) -> pd.DataFrame:
@@ -505,16 +465,14 @@ def read_csv(path: Path) -> pd.DataFrame:
     Raises:
         LogError: no text, no names, or rows of uneven length.
     """
-    opened, above, notes, skipped = _content(path)
-    separator = _separator(opened)
-    with opened() as file:
-        pairs = _pairs_of(cells(file, separator, FIRST_ROWS))
+    text, above, notes, skipped = _content(path)
+    separator = _separator("".join(_head(text, 1)))
+    pairs = _pairs_of(_first_cells(text))
     if pairs is None:
-        table = _with_decimal_points(_cells(path, opened, separator, above), separator)
+        table = _with_decimal_points(_cells(path, text, separator, above), separator)
     else:
-        body = _without_lines(opened, pairs.lines)
-        with body() as file:
-            table = _of_pairs(_with_decimal_points(pd.read_csv(file, sep=separator, header=None), separator), pairs)
+        cells = pd.read_csv(io.BytesIO(_without_lines(text, 0, pairs.lines)), sep=separator, header=None)
+        table = _of_pairs(_with_decimal_points(cells, separator), pairs)
     if "units" not in table.attrs and (units := _units_above(skipped, [str(name) for name in table.columns])):
         table.attrs |= {"units": units, "units_by": "a line above the names"}
     if notes:
@@ -522,10 +480,17 @@ def read_csv(path: Path) -> pd.DataFrame:
     return table
 
 
-def _cells(path: Path, opened: Opener, separator: str, above: int) -> pd.DataFrame:
-    """The cells below the header as they are, with names in the encoding of the file."""
-    names, units = _header(path, opened, separator)
-    table = _rows(path, _without_lines(opened, 1, after=1) if units else opened, separator)
+def _cells(path: Path, content: bytes, separator: str, above: int) -> pd.DataFrame:
+    """The cells below the header as they are, with names in the encoding of the file.
+
+    Refused are a header of numbers, and one with a name that stands twice, which pandas would rename in silence.
+    """
+    _check_header_is_first(path, content)
+    rows = _first_cells(content)
+    names, units = rows[0] if rows else [], _stated_units(rows)
+    _check_names_are_words(path, names)
+    refuse_repeated(path, [name for name in names if name])
+    table = _rows(path, _without_lines(content, 1, 2) if units else content, separator)
     own = [names[i] if "\ufffd" in str(name) and i < len(names) else name for i, name in enumerate(table.columns)]
     table.columns = pd.Index(own)
     if units:
@@ -535,36 +500,28 @@ def _cells(path: Path, opened: Opener, separator: str, above: int) -> pd.DataFra
     return table
 
 
-def _without_lines(opened: Opener, lines: int, after: int = 0) -> Opener:
-    """The content without so many lines, which follow the first `after` lines."""
-    with opened() as file:
-        kept = [file.readline(LONGEST_LINE) for _ in range(after)]
-        for _ in range(lines):
-            file.readline(LONGEST_LINE)
-        rest = b"".join([*kept, file.read()])
-    return lambda: io.BytesIO(rest)
+def _without_lines(content: bytes, first: int, end: int) -> bytes:
+    """The content without the lines from `first` up to, and without, `end`."""
+    lines = content.split(b"\n", end)
+    return b"\n".join(lines[:first] + lines[end:])
 
 
-def _rows(path: Path, opened: Opener, separator: str) -> pd.DataFrame:
+def _rows(path: Path, content: bytes, separator: str) -> pd.DataFrame:
     try:
-        with opened() as file:
-            return with_texts(pd.read_csv(file, sep=separator, engine="pyarrow"))
+        return with_texts(pd.read_csv(io.BytesIO(content), sep=separator, engine="pyarrow"))
     except (pd.errors.ParserError, ValueError):
         # rows of uneven length, or bytes that are not UTF-8: the C parser drops what lies beyond the header
-        with opened() as file:
-            width = pd.read_csv(file, sep=separator, nrows=0, index_col=False, encoding_errors="replace").shape[1]
-        _check_cells(path, opened, separator, width)
-        columns = list(range(width))
-        with opened() as file:
-            return pd.read_csv(
-                file,
-                sep=separator,
-                skipinitialspace=True,
-                index_col=False,
-                usecols=columns,
-                low_memory=False,
-                encoding_errors="replace",
-            )
+        header = pd.read_csv(io.BytesIO(content), sep=separator, nrows=0, index_col=False, encoding_errors="replace")
+        _check_cells(path, content, separator, header.shape[1])
+        return pd.read_csv(
+            io.BytesIO(content),
+            sep=separator,
+            skipinitialspace=True,
+            index_col=False,
+            usecols=list(range(header.shape[1])),
+            low_memory=False,
+            encoding_errors="replace",
+        )
 
 
 def with_texts(table: pd.DataFrame) -> pd.DataFrame:
