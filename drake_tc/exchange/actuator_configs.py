@@ -195,12 +195,7 @@ class ServoSettings:
 
 
 def limited_by_supply(projection: Projection, settings: ServoSettings) -> Projection:
-    """The projection with the loss of a limit of the voltage that the supply does not reach.
-
-    Args:
-        projection: Of one joint.
-        settings: Of its servo.
-    """
+    """The projection with the loss of a limit of the voltage that the supply does not reach."""
     terms = projection.terms
     if terms.torque_limit is None or terms.torque_limit <= terms.kp * settings.supply_voltage:
         return projection

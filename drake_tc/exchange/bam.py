@@ -66,10 +66,6 @@ def to_bam(projections: Sequence[Projection], into: Path | None = None) -> str:
 def voltage_motor(projection: Projection, target: str) -> DcMotor:
     """The motor of a drive on a voltage.
 
-    Args:
-        projection: Of one joint.
-        target: Name on the command line, for the message.
-
     Raises:
         ParamsError: another drive than a voltage, or no torque constant.
     """
@@ -88,12 +84,7 @@ def voltage_motor(projection: Projection, target: str) -> DcMotor:
 
 
 def bam_friction(terms: Terms, motor: DcMotor) -> tuple[str, dict[str, float]]:
-    """BAM's name of the friction model (m1, m2 or m5), and its parameters by BAM's names.
-
-    Args:
-        terms: Of the actuator.
-        motor: Of its drive; the back-EMF is not friction.
-    """
+    """BAM's name of the friction model (m1, m2 or m5), and its parameters by BAM's names."""
     found = {"friction_base": terms.frictionloss, "friction_viscous": motor.damping}
     if terms.stribeck is not None:
         peak = terms.stribeck

@@ -12,7 +12,7 @@ import math
 import re
 import textwrap
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -224,30 +224,24 @@ def _moved_links(robot: Robot) -> tuple[list[_MovedLink], FloatArray, list[int]]
         order += ready
     links = []
     for i in order:
-        holder = int(joints[i].parent_body().index())
+        joint, holder = joints[i], int(joints[i].parent_body().index())
         inner = next((k for k in order if holder in carried[k]), None)
         base = plant.world_frame() if inner is None else joints[inner].frame_on_child()
-        link = _link(plant, context, joints[i], base)
-        links.append(replace(link, parent=-1 if inner is None else order.index(inner), axis=axes[i]))
+        pose = plant.CalcRelativeTransform(context, base, joint.frame_on_parent())
+        indices = [body.index() for body in plant.GetBodiesWeldedTo(joint.child_body())]
+        lump = plant.CalcSpatialInertia(context, joint.frame_on_child(), indices)
+        link = _MovedLink(
+            parent=-1 if inner is None else order.index(inner),
+            turns=is_revolute(joint),
+            axis=axes[i],
+            rotation=np.array(pose.rotation().matrix()),
+            place=np.array(pose.translation()),
+            mass=float(lump.get_mass()),
+            moment=float(lump.get_mass()) * np.array(lump.get_com()),
+            inertia=np.array(lump.CalcRotationalInertia().CopyToFullMatrix3()),
+        )
+        links.append(link)
     return links, np.array(plant.gravity_field().gravity_vector()), order
-
-
-def _link(plant: Any, context: Any, joint: Any, base: Any) -> _MovedLink:
-    """One link at q = 0, held by the frame `base`; its parent and axis are not set yet."""
-    pose = plant.CalcRelativeTransform(context, base, joint.frame_on_parent())
-    indices = [body.index() for body in plant.GetBodiesWeldedTo(joint.child_body())]
-    lump = plant.CalcSpatialInertia(context, joint.frame_on_child(), indices)
-    mass = float(lump.get_mass())
-    return _MovedLink(
-        parent=-1,
-        turns=is_revolute(joint),
-        axis=np.zeros(3),
-        rotation=np.array(pose.rotation().matrix()),
-        place=np.array(pose.translation()),
-        mass=mass,
-        moment=mass * np.array(lump.get_com()),
-        inertia=np.array(lump.CalcRotationalInertia().CopyToFullMatrix3()),
-    )
 
 
 HERE = Path(__file__).parent

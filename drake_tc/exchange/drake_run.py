@@ -22,7 +22,7 @@ from drake_tc.actuation.recorded_run import Link
 from drake_tc.errors import ParamsError
 from drake_tc.exchange.projection import Projection
 from drake_tc.exchange.target_run import PointMass, RunInput, WrittenFile
-from drake_tc.exchange.urdf import to_sdf, to_urdf
+from drake_tc.exchange.urdf import to_urdf
 from drake_tc.simulator_files.terms import Terms
 from drake_tc.simulator_files.xml_tree import DRAKE, xml_tree
 from drake_tc.types import FloatArray
@@ -46,27 +46,21 @@ def simulate_in_drake(terms: Terms, pendulum: Link | None, given: RunInput) -> F
     return _simulate(file, pendulum, given, own_links=False)
 
 
-def simulate_urdf_in_drake(terms: Terms, pendulum: Link | None, given: RunInput) -> FloatArray:
-    """The same with a URDF without Drake's tags.
+def simulate_plain_in_drake(
+    write: Callable[[list[Projection]], str], terms: Terms, pendulum: Link | None, given: RunInput
+) -> FloatArray:
+    """The same with a URDF (`to_urdf`) or SDFormat file (`to_sdf`) without Drake's tags.
 
     Args:
+        write: Gives the text of the file.
         terms: Of its actuator. The gain kp is that of the user's controller; an armature is that of tags that the
             user's file already has.
         pendulum: On the joint; None: it has no inertia but the armature.
         given: What moves it.
     """
-    return _simulate_plain(to_urdf(_one(terms)), terms, pendulum, given)
-
-
-def simulate_sdf_in_drake(terms: Terms, pendulum: Link | None, given: RunInput) -> FloatArray:
-    """The same with an SDFormat file without Drake's tags.
-
-    Args:
-        terms: See `simulate_urdf_in_drake`.
-        pendulum: See `simulate_urdf_in_drake`.
-        given: What moves it.
-    """
-    return _simulate_plain(to_sdf(_one(terms)), terms, pendulum, given)
+    servo = (terms.kp, 0.0) if terms.drive == "position_servo" else None
+    file = WrittenFile(write(_one(terms)), "joint", servo=servo, torque_for_one=terms.kp)
+    return _simulate(file, pendulum, given, own_links=False, armature=terms.armature)
 
 
 def simulate_file_in_drake(file: WrittenFile, pendulum: Link | None, given: RunInput) -> FloatArray:
@@ -81,13 +75,6 @@ def simulate_file_in_drake(file: WrittenFile, pendulum: Link | None, given: RunI
         ParamsError: Drake refuses the file.
     """
     return _simulate(file, pendulum, given, own_links=True)
-
-
-def _simulate_plain(text: str, terms: Terms, pendulum: Link | None, given: RunInput) -> FloatArray:
-    """A bench without Drake's tags, with the rotor inertia and the gain that they would have."""
-    servo = (terms.kp, 0.0) if terms.drive == "position_servo" else None
-    file = WrittenFile(text, "joint", servo=servo, torque_for_one=terms.kp)
-    return _simulate(file, pendulum, given, own_links=False, armature=terms.armature)
 
 
 def _simulate(
@@ -148,12 +135,7 @@ def _simulate(
 
 
 def loaded(text: str, step: float = 0.0, change: Callable[[str], str] = str) -> Any:
-    """A plant that is not finalized, of a URDF or SDFormat file without its shapes.
-
-    Args:
-        text: Of the file.
-        step: Of the plant [s].
-        change: Of the text, before it is parsed.
+    """A plant that is not finalized, of a URDF or SDFormat text without its shapes, changed before it is parsed.
 
     Raises:
         ParamsError: Drake refuses the file.
@@ -179,11 +161,7 @@ def refusing() -> Iterator[None]:
 
 
 def _without_shapes(text: str) -> tuple[str, str]:
-    """A URDF or SDFormat file without visual and collision shapes, for Drake's parser, and which of them it is.
-
-    Args:
-        text: Of the file.
-    """
+    """A URDF or SDFormat file without visual and collision shapes, for Drake's parser, and which of them it is."""
     tree = xml_tree(text)
     for link in tree.iter("link"):
         for shape in [each for each in link if each.tag in ("visual", "collision")]:

@@ -60,12 +60,9 @@ def with_links(
         return written, told
     where = list(dict.fromkeys([str(each.get("where")) for each in causes] + list(links)))
     try:
-        bodies, text_of = _bodies(written, target, into, where)
+        (bodies, text_of), reason = _bodies(written, target, into, where), ""
     except ParamsError as error:
-        bodies, text_of = {}, lambda: written
-        reason = str(error)
-    else:
-        reason = ""
+        bodies, text_of, reason = {}, lambda: written, str(error)
     for name in where:
         mine = [each for each in causes if each.get("where") == name]
         if name not in bodies:
@@ -156,24 +153,25 @@ def _fresh(link: minidom.Element) -> minidom.Element:
     return made
 
 
+MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+
+
 def _write_urdf(link: minidom.Element, parameters: FloatArray) -> None:
     mass, centre, about = central(parameters)
     made = _fresh(link)
     put(append(made, "origin"), xyz=" ".join(map(number, centre)), rpy="0 0 0")
     put(append(made, "mass"), value=mass)
-    names = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-    put(append(made, "inertia"), **dict(zip(names, about[np.triu_indices(3)].tolist(), strict=True)))
+    put(append(made, "inertia"), **dict(zip(MOMENTS, about[np.triu_indices(3)].tolist(), strict=True)))
 
 
 def _write_sdf(link: minidom.Element, parameters: FloatArray) -> None:
     mass, centre, about = central(parameters)
     made = _fresh(link)
-    parts = {"pose": " ".join(map(number, (*centre, 0.0, 0.0, 0.0))), "mass": number(mass)}
-    for tag, content in parts.items():
-        append(made, tag).appendChild(text(made, content))
+    append(made, "pose").appendChild(text(made, " ".join(map(number, (*centre, 0.0, 0.0, 0.0)))))
+    append(made, "mass").appendChild(text(made, number(mass)))
     inertia = child(made, "inertia")
-    for tag, value in zip(("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), about[np.triu_indices(3)], strict=True):
-        append(inertia, tag).appendChild(text(made, number(float(value))))
+    for tag, value in zip(MOMENTS, about[np.triu_indices(3)].tolist(), strict=True):
+        append(inertia, tag).appendChild(text(made, number(value)))
 
 
 def _of_mjcf(root: minidom.Element, into: Path, names: Sequence[str]) -> dict[str, Body]:
@@ -193,28 +191,11 @@ def _of_mjcf(root: minidom.Element, into: Path, names: Sequence[str]) -> dict[st
     for name in names:
         if name not in elements or name not in numbers:
             continue
-        number_of = numbers[name]
-        own = _of_body(mujoco, model, number_of)
-        whole = own + sum(
-            (_moved(mujoco, model, at, number_of) for at in _welded(model, number_of)), np.zeros(len(NAMES))
-        )
+        own = _moved(mujoco, model, numbers[name], numbers[name])
+        welded = (_moved(mujoco, model, at, numbers[name]) for at in _welded(model, numbers[name]))
+        whole = own + sum(welded, np.zeros(len(NAMES)))
         found[name] = Body(own, whole, partial(_write_mjcf, elements[name]))
     return found
-
-
-def _of_body(mujoco: Any, model: Any, body: int) -> FloatArray:
-    """(10,) of one body in its own frame."""
-    turn = np.zeros(9)
-    mujoco.mju_quat2Mat(turn, model.body_iquat[body])
-    return _about_origin(float(model.body_mass[body]), model.body_ipos[body], turn, model.body_inertia[body])
-
-
-def _about_origin(mass: float, centre: Any, turn: FloatArray, principal: Any) -> FloatArray:
-    axes = turn.reshape(3, 3)
-    inertia = axes @ np.diag(principal) @ axes.T
-    place = np.asarray(centre, dtype=np.float64)
-    inertia = inertia + mass * ((place @ place) * np.eye(3) - np.outer(place, place))
-    return np.array([mass, *(mass * place), *inertia[np.triu_indices(3)]])
 
 
 def _welded(model: Any, body: int) -> list[int]:
@@ -224,15 +205,16 @@ def _welded(model: Any, body: int) -> list[int]:
 
 
 def _moved(mujoco: Any, model: Any, body: int, to: int) -> FloatArray:
-    """(10,) of a welded body in the frame of the body that carries it."""
-    turn, mass, principal = np.zeros(9), float(model.body_mass[body]), model.body_inertia[body]
+    """(10,) of a body in its own frame, or in that of the body that carries it without a joint."""
+    turn, mass = np.zeros(9), float(model.body_mass[body])
     mujoco.mju_quat2Mat(turn, model.body_iquat[body])
-    axes, centre = turn.reshape(3, 3).copy(), np.array(model.body_ipos[body])
+    axes, centre, principal = turn.reshape(3, 3).copy(), np.array(model.body_ipos[body]), model.body_inertia[body]
     while body != to:
         mujoco.mju_quat2Mat(turn, model.body_quat[body])
         axes, centre = turn.reshape(3, 3) @ axes, turn.reshape(3, 3) @ centre + model.body_pos[body]
         body = int(model.body_parentid[body])
-    return _about_origin(mass, centre, axes, principal)
+    inertia = axes @ np.diag(principal) @ axes.T + mass * ((centre @ centre) * np.eye(3) - np.outer(centre, centre))
+    return np.array([mass, *(mass * centre), *inertia[np.triu_indices(3)]])
 
 
 def _write_mjcf(body: minidom.Element, parameters: FloatArray) -> None:

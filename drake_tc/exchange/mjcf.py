@@ -40,7 +40,6 @@ from drake_tc.exchange.projection import Loss, Projection, Vocabulary
 from drake_tc.exchange.xml_text import append, child, imported, named, number, parsed, put, read_xml, to_text, top
 from drake_tc.exchange.xml_text import element as new_element
 from drake_tc.simulator_files.mjcf import (
-    ACTUATORS,
     PLAY,
     MjcfJoint,
     disabled_groups,
@@ -49,7 +48,7 @@ from drake_tc.simulator_files.mjcf import (
     joints_of,
     terms_of_drive,
 )
-from drake_tc.simulator_files.mjcf_actuator import Actuator
+from drake_tc.simulator_files.mjcf_actuator import ACTUATORS, Actuator
 from drake_tc.simulator_files.read import read_joints
 from drake_tc.simulator_files.terms import Ripple, Terms
 from drake_tc.simulator_files.xml_tree import Widths, in_degrees, included_path, states, xml_tree
@@ -71,11 +70,7 @@ class DcMotor:
 
 
 def dc_motor(terms: Terms) -> DcMotor | None:
-    """The motor of a drive; None where it is not on a voltage, or its torque constant is not known.
-
-    Args:
-        terms: Of the drive.
-    """
+    """The motor of a drive; None where it is not on a voltage, or its torque constant is not known."""
     kt = terms.torque_constant
     if terms.drive != "voltage" or kt is None:
         return None
@@ -132,12 +127,7 @@ OF_MOTORS = ("controller", "input", "nominal", "lugre", "cogging", "thermal", "s
 
 
 def put_actuator(root: minidom.Element, projection: Projection) -> Terms:
-    """The drive of the joint and the actuator of its friction; the terms that are left to the joint.
-
-    Args:
-        root: `<mujoco>` with its includes.
-        projection: Of the joint.
-    """
+    """The drive of the joint and the actuator of its friction; the terms that are left to the joint."""
     joint = projection.joint
     mine = [node for group in _groups(root) for node in _elements(group) if joint in map(node.getAttribute, OF_JOINT)]
     mine = [node for node in mine if node.getAttribute("name") != joint + FRICTION]
@@ -246,11 +236,7 @@ def _put_friction(root: minidom.Element, terms: Terms, joint: str) -> Terms:
 
 
 def lugre_of(terms: Terms) -> tuple[float, ...]:
-    """Stiffness, damping, F_C, F_S and v_S of MuJoCo's `lugre` for the dry friction with its Stribeck peak.
-
-    Args:
-        terms: With a peak.
-    """
+    """Stiffness, damping, F_C, F_S and v_S of MuJoCo's `lugre` for the dry friction with its Stribeck peak."""
     height, velocity = (0.0, 1.0) if terms.stribeck is None else (terms.stribeck.height, terms.stribeck.velocity)
     least, most = terms.frictionloss, terms.frictionloss + height
     stiffness = most / BRISTLE
@@ -258,11 +244,7 @@ def lugre_of(terms: Terms) -> tuple[float, ...]:
 
 
 def cogging_of(ripple: Ripple) -> tuple[float, ...]:
-    """Amplitude, periods a turn and phase of MuJoCo's `cogging`.
-
-    Args:
-        ripple: Of the joint.
-    """
+    """Amplitude, periods a turn and phase of MuJoCo's `cogging`."""
     phase = math.atan2(-ripple.cosine, -ripple.sine)
     return math.hypot(ripple.cosine, ripple.sine), ripple.cycles, phase
 
@@ -335,11 +317,7 @@ def _has_defaults(element: minidom.Element) -> bool:
 
 
 def timestep(root: minidom.Element) -> float:
-    """Of the file [s]; MuJoCo's own is 2 ms.
-
-    Args:
-        root: `<mujoco>`.
-    """
+    """Of the file [s]; MuJoCo's own is 2 ms."""
     options = root.getElementsByTagName("option")
     return [2e-3, *(float(each.getAttribute("timestep")) for each in options if each.hasAttribute("timestep"))][-1]
 

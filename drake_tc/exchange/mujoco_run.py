@@ -26,7 +26,8 @@ from drake_tc.exchange.mjcf import STEP, to_mjcf
 from drake_tc.exchange.projection import Projection
 from drake_tc.exchange.target_run import PointMass, RunInput, WrittenFile
 from drake_tc.exchange.xml_text import parsed
-from drake_tc.simulator_files.mjcf import ACTUATORS, PLAY, drive_of, gears_of, joints_of
+from drake_tc.simulator_files.mjcf import PLAY, drive_of, gears_of, joints_of
+from drake_tc.simulator_files.mjcf_actuator import ACTUATORS
 from drake_tc.simulator_files.terms import Terms
 from drake_tc.simulator_files.xml_tree import in_degrees, mujoco_module, xml_tree
 from drake_tc.types import FloatArray
@@ -50,13 +51,7 @@ def installed_mujoco() -> str | None:
 
 
 def version_sentence(text: str, joints: Sequence[str], *, installed: str | None) -> str:
-    """The version that the terms of these joints need, and whether it is installed; "" where any version has them.
-
-    Args:
-        text: Of an MJCF file.
-        joints: Names of those that were written.
-        installed: Version of MuJoCo; None: none is installed.
-    """
+    """The version that the terms of these joints in a file need, and whether it is installed; "" where any has them."""
     needs = _needs(text, joints)
     if not needs:
         return ""
@@ -69,13 +64,7 @@ def version_sentence(text: str, joints: Sequence[str], *, installed: str | None)
 
 
 def too_old(text: str, joints: Sequence[str], *, installed: str | None) -> str:
-    """Why the installed version cannot load the file, as a clause; "" where it can.
-
-    Args:
-        text: Of an MJCF file.
-        joints: Names of those that were written.
-        installed: Version of MuJoCo; None: none is installed.
-    """
+    """Why the installed version cannot load the file, as a clause; "" where it can."""
     if installed is None:
         return ""
     newer = [term for term in _needs(text, joints) if _numbers(installed) < SINCE[term]]
@@ -122,17 +111,15 @@ def _needs(text: str, joints: Sequence[str]) -> dict[str, list[str]]:
     found: dict[str, list[str]] = {term: [] for term in SINCE}
     for element in _elements(text, ("joint",)):
         name = element.getAttribute("name").removesuffix(PLAY)
-        if name in joints and len(element.getAttribute("damping").split()) > 1 and name not in found[POLYNOMIAL]:
+        if len(element.getAttribute("damping").split()) > 1:
             found[POLYNOMIAL].append(name)
     for element in _elements(text, ACTUATORS):
-        name = element.getAttribute("joint")
-        passive = element.getAttribute("input") == "none"
-        if name in joints and element.tagName == "dcmotor":
-            found[PASSIVE if passive else DCMOTOR].append(name)
-        if name in joints and element.tagName == "pid":
-            found[PID].append(name)
-        if name in joints and element.hasAttribute("delay"):
-            found[DELAY].append(name)
+        name, passive = element.getAttribute("joint"), element.getAttribute("input") == "none"
+        kinds = {"dcmotor": PASSIVE if passive else DCMOTOR, "pid": PID}
+        terms = [kinds[element.tagName]] if element.tagName in kinds else []
+        for term in (*terms, *([DELAY] if element.hasAttribute("delay") else [])):
+            found[term].append(name)
+    found = {term: [name for name in dict.fromkeys(names) if name in joints] for term, names in found.items()}
     return {term: names for term, names in found.items() if names}
 
 
@@ -205,25 +192,25 @@ def _simulate(file: WrittenFile, given: RunInput, *, recorded_load: bool) -> Flo
 
     model = compiled(file.text, file.folder, with_steps)
     data = mujoco.MjData(model)
-    at, behind = model.joint(file.joint), [model.joint(name) for name in gears]
-    free = {at.dofadr[0]} if recorded_load else {at.dofadr[0], *(each.dofadr[0] for each in behind)}
-    free |= {model.joint(name).dofadr[0] for name in _coupled(tree, file.joint)}
+    at = model.joint(file.joint)
+    moved = [at, *(model.joint(name) for name in gears if not recorded_load)]
+    coupled = [model.joint(name) for name in _coupled(tree, file.joint)]
+    free = {each.dofadr[0] for each in (*moved, *coupled)}
     model.dof_armature[[i for i in range(model.nv) if i not in free]] = LOCKED
     if recorded_load:
         model.body_mass[1:], model.body_inertia[1:], model.opt.gravity[:] = WEIGHTLESS, WEIGHTLESS, 0.0
         model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
     number = drive.number
     control = int(model.actuator_ctrladr[number]) if hasattr(model, "actuator_ctrladr") else number
-    unit = drive.gear if file.gear_of_command and (drive.is_servo or drive.kind == "pid") else 1.0
+    unit = drive.gear if drive.is_servo or drive.kind == "pid" else 1.0
     data.qpos[at.qposadr[0]], data.qvel[at.dofadr[0]] = given.start
     first = unit * given.command[0]
     if drive.filter:  # before the run the command was its first one; MuJoCo's own history is 0
         data.act[model.actuator_actadr[number]] = first
-    if (drive.numbers("delay", "0") or [0.0])[0] > 0.0:
+    if drive.first("delay") > 0.0:
         samples = int(model.actuator_history[number, 0])
         mujoco.mj_initCtrlHistory(model, data, number, None, np.full(samples, first))
-    seen = [at.qposadr[0]] if recorded_load else [at.qposadr[0], *(each.qposadr[0] for each in behind)]
-    pushed = [at.dofadr[0]] if recorded_load else [at.dofadr[0], *(each.dofadr[0] for each in behind)]
+    seen, pushed = [each.qposadr[0] for each in moved], [each.dofadr[0] for each in moved]
     position = np.full(given.command.size, np.nan)
     with _warnings(mujoco) as told:
         for i in range(position.size):
@@ -269,11 +256,7 @@ def _coupled(tree: ET.Element, joint: str) -> set[str]:
 
 
 def too_old_for(terms: Terms) -> str:
-    """Why the installed MuJoCo cannot load these terms, as a clause; "" where it can.
-
-    Args:
-        terms: Of an actuator.
-    """
+    """Why the installed MuJoCo cannot load these terms, as a clause; "" where it can."""
     return too_old(_bench(terms, STEP), ["joint"], installed=installed_mujoco())
 
 

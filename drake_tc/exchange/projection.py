@@ -498,13 +498,7 @@ MJLAB_MOTOR = replace(
 
 
 def vocabulary(target: str, drive: str, torque_constant: float | None) -> Vocabulary:
-    """What a target can express of a drive.
-
-    Args:
-        target: Name on the command line.
-        drive: Kind of drive.
-        torque_constant: Of a data sheet [N m/A]; None: not known.
-    """
+    """What a target can express of a drive, whose torque constant [N m/A] may be known."""
     if target == "mjlab" and drive == "voltage" and torque_constant is not None:
         return MJLAB_MOTOR
     return TARGETS[target]

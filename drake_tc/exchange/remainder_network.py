@@ -142,14 +142,7 @@ def network_names(joints: Iterable[str]) -> dict[str, str]:
 
 
 def lost_remainder(joint: str, remainder: Remainder, joint_type: JointType, target: str) -> str:
-    """A sentence on a remainder that the exported file does not have.
-
-    Args:
-        joint: Its name.
-        remainder: Of its model.
-        joint_type: Whether it turns or slides.
-        target: As on the command line.
-    """
+    """A sentence on a remainder that the exported file does not have."""
     text = f"{joint}: the remainder of the model, {_size(remainder)}, is lost: "
     if target in TARGETS_OF_NETWORKS:
         text += "--remainder FOLDER writes it as a network."

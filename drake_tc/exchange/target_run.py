@@ -54,7 +54,6 @@ class WrittenFile:
         servo: Gain and damping of the user's controller [N m/rad, N m s/rad], where the file has no servo; None: the
             command is that of the file's own drive.
         torque_for_one: Torque for one unit of the command of a drive that is no servo [N m].
-        gear_of_command: Whether the file's servo takes its command before its gear.
     """
 
     text: str
@@ -62,7 +61,6 @@ class WrittenFile:
     folder: Path | None = None
     servo: tuple[float, float] | None = None
     torque_for_one: float = 1.0
-    gear_of_command: bool = True
 
 
 Simulate = Callable[[Terms, Link | None, RunInput], FloatArray]

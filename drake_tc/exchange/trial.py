@@ -7,6 +7,7 @@ import re
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 
@@ -17,16 +18,12 @@ from drake_tc.config.joint_units import EFFORT_UNIT, JointUnits, in_units_of
 from drake_tc.diagnosis.result.applications import ExportErrors, ExportTrial
 from drake_tc.errors import ParamsError
 from drake_tc.exchange.bam import simulate_as_bam
-from drake_tc.exchange.drake_run import (
-    simulate_file_in_drake,
-    simulate_in_drake,
-    simulate_sdf_in_drake,
-    simulate_urdf_in_drake,
-)
+from drake_tc.exchange.drake_run import simulate_file_in_drake, simulate_in_drake, simulate_plain_in_drake
 from drake_tc.exchange.mjcf import NAMING, put_includes, to_mjcf
 from drake_tc.exchange.mujoco_run import file_notes, require_mujoco, simulate_in_mujoco, simulate_mjcf, too_old_for
 from drake_tc.exchange.projection import TARGETS, Projection, Vocabulary, project
 from drake_tc.exchange.target_run import Runner, WrittenFile, target_free_run
+from drake_tc.exchange.urdf import to_sdf, to_urdf
 from drake_tc.exchange.xml_text import read_xml, to_text, top
 from drake_tc.logs.checks.plausible import derivative
 from drake_tc.logs.loads import Pendulum
@@ -43,12 +40,13 @@ from drake_tc.simulator_files.xml_tree import place, states, xml_tree
 from drake_tc.types import FloatArray
 
 NO_FRICTION = MappingProxyType({"frictionloss": "Drake's parser does not use the friction of a joint"})
+URDF, SDF = (partial(simulate_plain_in_drake, write) for write in (to_urdf, to_sdf))
 RUNS: Mapping[str, Runner] = MappingProxyType(
     {
         "mjcf": Runner("MuJoCo", simulate_in_mujoco, 1e-3, simulate_mjcf, 5e-4, require_mujoco, too_old_for),
-        "urdf": Runner("Drake's plant", simulate_urdf_in_drake, 2e-4, simulate_file_in_drake, ignores=NO_FRICTION),
+        "urdf": Runner("Drake's plant", URDF, 2e-4, simulate_file_in_drake, ignores=NO_FRICTION),
         "drake-urdf": Runner("Drake's plant", simulate_in_drake, 2e-4, simulate_file_in_drake),
-        "sdf": Runner("Drake's plant", simulate_sdf_in_drake, 2e-4, simulate_file_in_drake, ignores=NO_FRICTION),
+        "sdf": Runner("Drake's plant", SDF, 2e-4, simulate_file_in_drake, ignores=NO_FRICTION),
         "bam": Runner("BAM's equations", simulate_as_bam, 2e-4),
     }
 )
@@ -119,17 +117,11 @@ def run_errors(
 
 
 def run_notes(exported: Exported, rig: Rig) -> list[str]:
-    """Sentences on what a run of the export does not have although the file has it, or on why it is not run.
-
-    Args:
-        exported: The models.
-        rig: Of the runs.
-    """
+    """Sentences on what a run of the export does not have although the file has it, or on why it is not run."""
     target, into = exported.target, exported.original
     runner, lines = RUNS[target], list[str]()
-    inertias = (
-        {} if into is None else {name: each.terms.armature for name, each in read_joints(into, ParamsError).items()}
-    )
+    read = {} if into is None else read_joints(into, ParamsError)
+    inertias = {name: each.terms.armature for name, each in read.items()}
     for joint, (new, original) in _terms_to_run(exported).items():
         for what, terms in (("the export", new), ("your file", original)):
             if terms is not None and (old := runner.too_old(terms)):
@@ -150,10 +142,6 @@ def run_notes(exported: Exported, rig: Rig) -> list[str]:
 
 def require_runner(target: str, rig: Rig) -> Runner:
     """What runs an export of the models of a rig.
-
-    Args:
-        target: A key of `RUNS`.
-        rig: Of the runs.
 
     Raises:
         ParamsError: the target is not installed, or the rig's loads come from a robot's model: the load on the joint
@@ -189,12 +177,12 @@ def _to_run(exported: Exported, rig: Rig) -> dict[str, tuple[_What, _What]]:
     files = RUNS[target].simulate_file is not None
     for joint, (terms, was) in _terms_to_run(exported).items():
         whole = files and (isinstance(rig.load[joint], Pendulum) or rig.load[joint] == "torque")
-        new: Terms | WrittenFile = terms
-        old: Terms | WrittenFile | None = was
+        new: _What = terms, terms
+        old: _What = was, was
         if whole and text is not None and original is not None:
-            new = _file(text, joint, terms, original)
-            old = None if was is None else _file(_flat(original, target), joint, was, original)
-        found[joint] = (new, terms), (old, was)
+            new = _file(text, joint, terms, original), terms
+            old = None if was is None else _file(_flat(original, target), joint, was, original), was
+        found[joint] = new, old
     return found
 
 
@@ -214,11 +202,6 @@ def _file(text: str, joint: str, terms: Terms, path: Path) -> WrittenFile:
 
 def changes(text: str, projections: Sequence[Projection], into: Path) -> list[str]:
     """Sentences on what the file had beside the model: what went, and what stays in the file that was written.
-
-    Args:
-        text: Of the written file.
-        projections: That were merged into it.
-        into: The user's file.
 
     Raises:
         ParamsError: the file cannot be read.
@@ -337,12 +320,7 @@ def _rms(run: tuple[FloatArray, FloatArray] | None) -> float | None:
 
 
 def sentences(projections: Sequence[Projection], target: Vocabulary) -> list[str]:
-    """What is lost, joint by joint.
-
-    Args:
-        projections: One a joint.
-        target: What they are projected to.
-    """
+    """What is lost, joint by joint."""
     out = []
     for each in projections:
         lines = []
@@ -370,13 +348,7 @@ def sentences(projections: Sequence[Projection], target: Vocabulary) -> list[str
 
 
 def export_page(trial: ExportTrial, projections: Sequence[Projection], target: Vocabulary) -> str:
-    """The HTML of an export: what is lost, errors of free runs, and the terms that were written.
-
-    Args:
-        trial: Its rows are empty where nothing was run.
-        projections: One a joint.
-        target: What they are projected to.
-    """
+    """The HTML of an export: what is lost, errors of free runs, and the terms that were written."""
     sections = []
     if trial.rows:
         names = headings(trial.rows, trial.runner)
@@ -464,13 +436,7 @@ def try_export(
 
 
 def recorded_speeds(runs: Sequence[Run], rig: Rig, joints: Sequence[str]) -> dict[str, FloatArray]:
-    """Joint to its velocities (T,) [rad/s] in usable rows of all runs.
-
-    Args:
-        runs: At least one.
-        rig: Names the joints of the runs; others are left out.
-        joints: Of the model.
-    """
+    """Velocities (T,) [rad/s] of joints of the rig in usable rows of all runs."""
     return {
         joint: np.concatenate(
             [derivative(run.columns[f"{joint}/position"], run.period)[run.segment >= 0] for run in runs]
@@ -481,13 +447,7 @@ def recorded_speeds(runs: Sequence[Run], rig: Rig, joints: Sequence[str]) -> dic
 
 
 def recorded_loads(runs: Sequence[Run], rig: Rig, joints: Sequence[str]) -> dict[str, FloatArray]:
-    """Joint to its load torques (T,) [N m] in usable rows of all runs; without the joints whose load is not known.
-
-    Args:
-        runs: At least one.
-        rig: Names the joints of the runs; others are left out.
-        joints: Of the model.
-    """
+    """Load torques (T,) [N m] of joints of the rig in usable rows of all runs; without those that are not known."""
     found = {}
     for joint in joints:
         parts = [_load(run, rig, joint) for run in runs] if joint in rig.joints else [None]

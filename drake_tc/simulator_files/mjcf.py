@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from drake_tc.simulator_files.mjcf_actuator import ACTUATORS, Actuator, actuators
+from drake_tc.simulator_files.mjcf_actuator import Actuator, actuators
 from drake_tc.simulator_files.terms import ReadJoint, Ripple, StribeckPeak, Terms
 from drake_tc.simulator_files.xml_tree import (
     Attributes,
@@ -28,18 +28,6 @@ from drake_tc.simulator_files.xml_tree import (
     place,
     with_includes,
 )
-
-__all__ = [
-    "ACTUATORS",
-    "PLAY",
-    "MjcfJoint",
-    "disabled_groups",
-    "drive_of",
-    "gears_of",
-    "joints_of",
-    "mjcf_joints",
-    "terms_of_drive",
-]
 
 PLAY = "_backlash"
 """End of the name of a hinge that is the play of a gear."""
@@ -91,11 +79,7 @@ class MjcfJoint:
 
 
 def joints_of(root: ET.Element) -> dict[str, MjcfJoint]:
-    """Named hinges and slides of a file, by name.
-
-    Args:
-        root: `<mujoco>` with its includes.
-    """
+    """Named hinges and slides of a file, by name."""
     defaults = Defaults(root)
     driving: dict[str, list[Actuator]] = {}
     flags, groups = _disabled(root), disabled_groups(root)
@@ -115,12 +99,7 @@ def joints_of(root: ET.Element) -> dict[str, MjcfJoint]:
 
 
 def gears_of(joints: Mapping[str, MjcfJoint], *, degrees: bool) -> dict[str, str]:
-    """Joints that are the play or the spring of a gear, to the driven joint beside them.
-
-    Args:
-        joints: Of the file.
-        degrees: Whether its angles are in degrees.
-    """
+    """Joints that are the play or the spring of a gear, to the driven joint beside them."""
     found = {}
     for name, joint in joints.items():
         if joint.actuators:
@@ -203,10 +182,10 @@ def _with_gear(read: ReadJoint, gear: MjcfJoint, *, degrees: bool, flags: set[st
         return read.also_unused(f"{place(gear.element)} beside it, whose spring is switched off", *rest)
     if stiffness := _spring(gear):
         rest += [f"range of {place(gear.element)}"] if gear.values.get("range") else []
-        return replace(read, terms=replace(read.terms, compliance=1.0 / stiffness)).also_unused(*rest)
+        return read.with_terms(compliance=1.0 / stiffness).also_unused(*rest)
     play = 0.0 if "limit" in flags else _play(gear, degrees=degrees)
     rest += [] if play else [f"the play {place(gear.element)}, whose range is too wide or does not act"]
-    return replace(read, terms=replace(read.terms, backlash=play)).also_unused(*rest)
+    return read.with_terms(backlash=play).also_unused(*rest)
 
 
 def _passive(joint: MjcfJoint, *, degrees: bool, flags: set[str]) -> ReadJoint:
@@ -249,20 +228,16 @@ def _driven(read: ReadJoint, joint: MjcfJoint, flags: set[str], made: Any) -> Re
     read = read.also_unused(*(f"{name}, whose group <option> disables" for name in off))
     acting = [each for each in joint.actuators if each.gear]
     for actuator in acting:  # armature and damping of an actuator act on the joint whatever drives it
-        gear = actuator.gear
-        armature, damping = ((actuator.numbers(name, "0") or [0.0]) for name in ("armature", "damping"))
-        terms = replace(
-            read.terms,
-            armature=read.terms.armature + gear**2 * armature[0],
-            damping=read.terms.damping + (0.0 if "damper" in flags else gear**2 * damping[0]),
-        )
-        read = replace(read, terms=terms).also_unused(*_unused(actuator))
+        gear, damping = actuator.gear, 0.0 if "damper" in flags else actuator.first("damping")
+        armature = read.terms.armature + gear**2 * actuator.first("armature")
+        read = read.with_terms(armature=armature, damping=read.terms.damping + gear**2 * damping)
+        read = read.also_unused(*_unused(actuator))
     first, (limit, told) = drive_of(acting), _joint_limit(joint)
     read = read.also_unused(*told)
     if first is not None:
         read = _with_drive(read, first, made, limit)
     elif limit < math.inf:
-        read = replace(read, terms=replace(read.terms, torque_limit=limit))
+        read = read.with_terms(torque_limit=limit)
     for actuator in acting:
         if actuator is not first and actuator.enabled:
             read = _with_second(read, actuator, first)
@@ -270,11 +245,7 @@ def _driven(read: ReadJoint, joint: MjcfJoint, flags: set[str], made: Any) -> Re
 
 
 def drive_of(found: Sequence[Actuator]) -> Actuator | None:
-    """The actuator of a joint that is its drive: a position servo, else one whose force is proportional to the command.
-
-    Args:
-        found: Actuators of the joint; None where none of them is a drive that is read.
-    """
+    """The actuator that is the drive: a position servo, else one whose force is proportional to the command, if any."""
 
     def dc(each: Actuator) -> bool:
         plain = each.values.get("input", "voltage") == "voltage" and not each.values.get("controller")
@@ -289,11 +260,7 @@ def drive_of(found: Sequence[Actuator]) -> Actuator | None:
 
 
 def terms_of_drive(actuator: Actuator) -> Terms | None:
-    """What an actuator is by itself as the drive of a joint; None where it is no drive that is read.
-
-    Args:
-        actuator: Whose group may be switched off.
-    """
+    """What an actuator, switched on or off, is as the only drive of a joint; None where it is no drive that is read."""
     if drive_of([replace(actuator, enabled=True)]) is None:
         return None
     return _with_drive(ReadJoint(Terms(drive="torque", kp=1.0)), actuator, None).terms
@@ -316,9 +283,8 @@ def _with_drive(read: ReadJoint, actuator: Actuator, made: Any, joint_limit: flo
         return _with_dc_motor(read, actuator, joint_limit)
     gear, unused = actuator.gear, list[str]()
     if actuator.kind == "pid":
-        servo, kp = True, (actuator.numbers("kp", "1"))[0]
-        kv, bias = (actuator.numbers("kv", "0") or [0.0])[0], 0.0
-        rate = (actuator.numbers("ki", "0") or [0.0])[0] / kp if kp else 0.0
+        servo, kp, kv, bias = True, actuator.first("kp", 1.0), actuator.first("kv"), 0.0
+        rate = actuator.first("ki") / kp if kp else 0.0
         unused += [f"inputs of {actuator.name} beside the position"] if actuator.values.get("input") != "pos" else []
     else:
         servo, kp = actuator.is_servo, actuator.gain or 0.0
@@ -328,23 +294,21 @@ def _with_drive(read: ReadJoint, actuator: Actuator, made: Any, joint_limit: flo
         if made is None:
             unused.append(f"dampratio of {actuator.name}, {BY_MUJOCO}")
     unused += [f"the constant force of {actuator.name}"] if bias else []
-    unused += (
-        [f"that the command of {actuator.name} is {gear:g} times the joint's (gear)"] if servo and gear != 1.0 else []
-    )
+    if servo and gear != 1.0:
+        unused.append(f"that the command of {actuator.name} is {gear:g} times the joint's (gear)")
     at_joint = (gear**2 if servo else gear) * kp
     force, command, told = _limits(actuator, servo=servo, kp=at_joint)
     limits, beside = _with_damping_inside(min(force, joint_limit), command, 0.0 if servo else gear**2 * kv, actuator)
-    terms = replace(
-        read.terms,
+    read = read.with_terms(
         drive="position_servo" if servo else "torque",
         kp=at_joint,
         lag=actuator.filter,
         integral_rate=rate,
-        delay=(actuator.numbers("delay", "0") or [0.0])[0],
+        delay=actuator.first("delay"),
         damping=read.terms.damping + (0.0 if servo else gear**2 * kv),
         **limits,
     )
-    found = replace(read, driven=True, derivative_gain=gear**2 * kv if servo else 0.0, terms=terms)
+    found = replace(read, driven=True, derivative_gain=gear**2 * kv if servo else 0.0)
     return found.also_unused(*unused, *told, *beside)
 
 
@@ -359,13 +323,10 @@ def _with_damping_inside(
         damping: Of the drive [N m s/rad]; without it both are the same limit.
         actuator: The drive.
     """
-    limit = min(whole, command)
-    told = (
-        [f"the larger limit of {actuator.name}, which has both a ctrlrange and a force limit"]
-        if damping and max(whole, command) < math.inf
-        else []
-    )
-    inside = (damping or 0.0) if whole < command else 0.0
+    limit, told = min(whole, command), list[str]()
+    if damping and max(whole, command) < math.inf:
+        told.append(f"the larger limit of {actuator.name}, which has both a ctrlrange and a force limit")
+    inside = damping if damping and whole < command else 0.0
     return {"torque_limit": limit if limit < math.inf else None, "derivative_gain": inside}, told
 
 
@@ -373,16 +334,14 @@ def _limits(actuator: Actuator, *, servo: bool, kp: float) -> tuple[float, float
     """Limits of the torque by the force and by the command, infinite for none, and what is not used of limits."""
     force, command = actuator.limits("forcerange"), actuator.limits("ctrlrange")
     of_force, of_command, unused = math.inf, math.inf, []
-    if force is not None:
-        if _is_symmetric(force):
-            of_force = abs(actuator.gear) * force[1]
-        else:
-            unused.append(f"forcerange of {actuator.name}, which is not symmetric")
-    if command is not None:
-        if servo or not _is_symmetric(command):
-            unused.append(f"ctrlrange of {actuator.name}")
-        else:
-            of_command = abs(kp) * command[1]
+    if force is not None and _is_symmetric(force):
+        of_force = abs(actuator.gear) * force[1]
+    elif force is not None:
+        unused.append(f"forcerange of {actuator.name}, which is not symmetric")
+    if command is not None and not servo and _is_symmetric(command):
+        of_command = abs(kp) * command[1]
+    elif command is not None:
+        unused.append(f"ctrlrange of {actuator.name}")
     if actuator.values.get("inheritrange"):
         unused.append(f"inheritrange of {actuator.name}")
     if actuator.values.get("actrange") and actuator.values.get("actlimited") != "false":
@@ -398,24 +357,20 @@ def _with_second(read: ReadJoint, actuator: Actuator, first: Actuator | None) ->
     """An actuator beside the drive: the damping of one that holds a velocity is used, at the command 0."""
     if actuator.kind == "dcmotor" and actuator.values.get("input") == "none":
         return _with_passive_motor(read, actuator)
-    if (
-        first is None
-        or not _is_velocity(actuator)
-        or actuator.dynamics != "none"
-        or actuator.limits("forcerange") is not None
-    ):
+    damper = _is_velocity(actuator) and actuator.dynamics == "none" and actuator.limits("forcerange") is None
+    if first is None or not damper:
         return read.also_unused(f"its actuator {actuator.name}")
     kv = actuator.gear**2 * -actuator.bias[2]
     if read.terms.drive == "position_servo" and first.limits("forcerange") is None:
         read = replace(read, derivative_gain=read.derivative_gain + kv)
     else:
-        read = replace(read, terms=replace(read.terms, damping=read.terms.damping + kv))
+        read = read.with_terms(damping=read.terms.damping + kv)
     return read.also_unused(f"the command of {actuator.name}")
 
 
 def _motor_constants(actuator: Actuator) -> tuple[float, float] | None:
     """(k, R) of a motor on a voltage, k = sqrt(kt ke); None where it is not stated by these alone."""
-    constants, resistance = actuator.numbers("motorconst"), (actuator.numbers("resistance", "0") or [0.0])[0]
+    constants, resistance = actuator.numbers("motorconst"), actuator.first("resistance")
     if not constants or resistance <= 0.0 or any(actuator.numbers("nominal")):
         return None
     return math.sqrt(constants[0] * constants[-1]), resistance
@@ -437,20 +392,19 @@ def _with_dc_motor(read: ReadJoint, actuator: Actuator, joint_limit: float) -> R
     of_voltage = abs(k) / resistance * voltage or math.inf
     limits, beside = _with_damping_inside(whole, of_voltage, k**2 / resistance, actuator)
     inductance = [*actuator.numbers("inductance"), 0.0, 0.0]
-    terms = replace(
-        read.terms,
+    read = read.with_terms(
         drive="voltage",
         kp=k / resistance,
         damping=read.terms.damping + k**2 / resistance,
-        delay=(actuator.numbers("delay", "0") or [0.0])[0],
+        delay=actuator.first("delay"),
         lag=inductance[1] or inductance[0] / resistance,
         torque_constant=k,
         **limits,
     )
     told = [f"ctrlrange of {actuator.name}, which is not symmetric"] if command is not None and not voltage else []
-    told += [f"that the inductance of {actuator.name} delays its back-EMF too"] if terms.lag else []
+    told += [f"that the inductance of {actuator.name} delays its back-EMF too"] if read.terms.lag else []
     told += [f"the voltage of saturation of {actuator.name}"] if any(actuator.numbers("saturation")[2:]) else []
-    return _with_motor_friction(replace(read, terms=terms, driven=True), actuator).also_unused(*told, *beside)
+    return _with_motor_friction(replace(read, driven=True), actuator).also_unused(*told, *beside)
 
 
 def _with_passive_motor(read: ReadJoint, actuator: Actuator) -> ReadJoint:
@@ -459,8 +413,7 @@ def _with_passive_motor(read: ReadJoint, actuator: Actuator) -> ReadJoint:
     if constants is None:
         return read.also_unused(f"its actuator {actuator.name}")
     k = actuator.gear * constants[0]
-    terms = replace(read.terms, damping=read.terms.damping + k**2 / constants[1])
-    return _with_motor_friction(replace(read, terms=terms), actuator)
+    return _with_motor_friction(read.with_terms(damping=read.terms.damping + k**2 / constants[1]), actuator)
 
 
 def _with_motor_friction(read: ReadJoint, actuator: Actuator) -> ReadJoint:
@@ -469,19 +422,19 @@ def _with_motor_friction(read: ReadJoint, actuator: Actuator) -> ReadJoint:
     Sliding, the first is F_C + (F_S - F_C) exp(-(v/v_S)^2); its bristles are not used. The second is
     A sin(N gear q + phase) at the motor.
     """
-    gear, terms, unused = abs(actuator.gear), read.terms, list[str]()
+    gear = abs(actuator.gear)
     if lugre := actuator.numbers("lugre"):
         _, _, least, most, speed = [*lugre, 0.0, 0.0, 0.0][:5]
-        terms = replace(terms, frictionloss=terms.frictionloss + gear * least)
+        read = read.with_terms(frictionloss=read.terms.frictionloss + gear * least)
         if most > least and speed > 0.0:
-            terms = replace(terms, stribeck=StribeckPeak(gear * (most - least), speed / gear, 2.0))
-        unused.append(f"the bristles of lugre of {actuator.name}")
+            read = read.with_terms(stribeck=StribeckPeak(gear * (most - least), speed / gear, 2.0))
+        read = read.also_unused(f"the bristles of lugre of {actuator.name}")
     if cogging := actuator.numbers("cogging"):
         height, periods, phase = [*cogging, 0.0, 0.0][:3]
         size, cycles = -actuator.gear * height, periods * actuator.gear
         ripple = Ripple(size * math.sin(phase), math.copysign(1.0, cycles) * size * math.cos(phase), abs(cycles))
-        terms = replace(terms, ripple=ripple if height and cycles else None)
-    return replace(read, terms=terms).also_unused(*unused)
+        read = read.with_terms(ripple=ripple if height and cycles else None)
+    return read
 
 
 def _joint_limit(joint: MjcfJoint) -> tuple[float, list[str]]:
@@ -507,12 +460,11 @@ def _with_springdamper(read: ReadJoint, joint: MjcfJoint, flags: set[str], made:
     if made is None:
         return read.also_unused(f"springdamper, {BY_MUJOCO}")
     stiffness, damping, rest = made.spring(joint)
-    terms = read.terms
     if "spring" not in flags:
-        terms = replace(terms, stiffness=stiffness, preload=-stiffness * rest)
+        read = read.with_terms(stiffness=stiffness, preload=-stiffness * rest)
     if "damper" not in flags:
-        terms = replace(terms, damping=terms.damping - joint.numbers("damping")[0] + damping)
-    return replace(read, terms=terms)
+        read = read.with_terms(damping=read.terms.damping - joint.numbers("damping")[0] + damping)
+    return read
 
 
 def _disabled(root: ET.Element) -> set[str]:
@@ -524,11 +476,7 @@ def _disabled(root: ET.Element) -> set[str]:
 
 
 def disabled_groups(root: ET.Element) -> set[str]:
-    """Groups of actuators that the file switches off; their armature and damping still act.
-
-    Args:
-        root: `<mujoco>`.
-    """
+    """Groups of actuators that the file switches off; their armature and damping still act."""
     return {name for each in root.findall("option") for name in each.get("actuatorgroupdisable", "").split()}
 
 
@@ -539,15 +487,13 @@ def _couplings(root: ET.Element) -> dict[str, list[str]]:
     for each in root.iterfind("actuator/*"):
         if each.get("tendon"):
             pulling.setdefault(each.get("tendon", ""), []).append(f"its actuator {place(each)}")
-    for group in root.findall("equality"):
-        for each in group.findall("joint"):
-            for name in (each.get("joint1", ""), each.get("joint2", "")):
-                found.setdefault(name, []).append(f"its coupling {place(each)}")
-    for group in root.findall("tendon"):
-        for each in group.findall("fixed"):
-            for part in each.findall("joint"):
-                found.setdefault(part.get("joint", ""), []).append(f"its tendon {place(each)}")
-                found[part.get("joint", "")] += pulling.get(each.get("name", ""), ())
+    for each in root.iterfind("equality/joint"):
+        for name in (each.get("joint1", ""), each.get("joint2", "")):
+            found.setdefault(name, []).append(f"its coupling {place(each)}")
+    for each in root.iterfind("tendon/fixed"):
+        for name in (part.get("joint", "") for part in each.findall("joint")):
+            found.setdefault(name, []).append(f"its tendon {place(each)}")
+            found[name] += pulling.get(each.get("name", ""), ())
     return found
 
 

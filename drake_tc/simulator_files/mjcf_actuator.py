@@ -49,9 +49,13 @@ class Actuator:
     enabled: bool = True
     number: int = 0
 
-    def numbers(self, name: str, absent: str = "") -> list[float]:
+    def numbers(self, name: str) -> list[float]:
         """The numbers of an attribute."""
-        return finite(self.element, name, self.values.get(name) or absent)
+        return finite(self.element, name, self.values.get(name, ""))
+
+    def first(self, name: str, absent: float = 0.0) -> float:
+        """The first number of an attribute."""
+        return (self.numbers(name) or [absent])[0]
 
     @property
     def name(self) -> str:
@@ -61,7 +65,7 @@ class Actuator:
     @property
     def gear(self) -> float:
         """Its first number."""
-        return (self.numbers("gear", "1") or [1.0])[0]
+        return self.first("gear", 1.0)
 
     @property
     def is_servo(self) -> bool:
@@ -74,7 +78,7 @@ class Actuator:
     def damping_ratio(self) -> float:
         """A ratio from which MuJoCo computes the damping of a servo; 0 where the file has the damping itself."""
         if self.kind == "pid":
-            return 0.0 if self.values.get("kv") else (self.numbers("dampratio", "0") or [0.0])[0]
+            return 0.0 if self.values.get("kv") else self.first("dampratio")
         return self.bias[2] if self.is_servo and self.bias[2] > 0.0 else 0.0
 
     @property
@@ -89,12 +93,7 @@ class Actuator:
 
 
 def actuators(root: ET.Element, defaults: Defaults) -> list[Actuator]:
-    """All actuators of a file, in its order.
-
-    Args:
-        root: `<mujoco>` with its includes.
-        defaults: Its classes.
-    """
+    """All actuators of a file, in its order."""
     elements = (each for group in root.findall("actuator") for each in group if each.tag in ACTUATORS)
     return [compiled(element, defaults, number) for number, element in enumerate(elements)]
 
@@ -109,16 +108,12 @@ def compiled(element: ET.Element, defaults: Defaults, number: int) -> Actuator:
             values |= {name: text for name, text in each.attrib.items() if same or name in FIELDS}
     state.apply(element)
     values |= element.attrib
-    out = Actuator(element, element.tag, values=values, number=number)
-    if element.tag in AFFINE:
-        odd = state.gaintype != "fixed" or state.biastype not in ("none", "affine")
-        out.gain = None if odd else state.gain[0]
-        if state.biastype == "affine":
-            out.bias = (state.bias[0], state.bias[1], state.bias[2])
-        out.dynamics, out.time_constant = state.dyntype, state.dyn[0]
-    else:
-        out.gain = None
-    return out
+    if element.tag not in AFFINE:
+        return Actuator(element, element.tag, None, values=values, number=number)
+    odd = state.gaintype != "fixed" or state.biastype not in ("none", "affine")
+    b0, b1, b2 = state.bias if state.biastype == "affine" else (0.0, 0.0, 0.0)
+    gain = None if odd else state.gain[0]
+    return Actuator(element, element.tag, gain, (b0, b1, b2), state.dyntype, state.dyn[0], values, number=number)
 
 
 class _Compiled:

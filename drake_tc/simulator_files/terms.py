@@ -9,7 +9,7 @@ first-order filter of time constant `lag`. The limit of the torque is that of kp
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Any, Literal
 
 from drake_tc.config.joint_units import JointType
 
@@ -119,6 +119,10 @@ class ReadJoint:
         return replace(
             self.terms, damping=self.terms.damping + self.derivative_gain, derivative_gain=self.derivative_gain
         )
+
+    def with_terms(self, **changes: Any) -> "ReadJoint":
+        """The joint with other values of some fields of its terms."""
+        return replace(self, terms=replace(self.terms, **changes))
 
     def also_unused(self, *what: str) -> "ReadJoint":
         """The joint with more that is not used."""

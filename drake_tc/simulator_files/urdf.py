@@ -14,7 +14,6 @@ joints of the file are read, those of nested models and of included files too; w
 used.
 """
 
-import math
 import os
 import sys
 import xml.etree.ElementTree as ET
@@ -101,21 +100,14 @@ def with_drake(joint: ReadJoint, armature: float, p: float, d: float) -> ReadJoi
         p: Gain of a position servo [N m/rad]; 0: the file has none.
         d: Damping of the servo [N m s/rad].
     """
-    terms = replace(joint.terms, armature=armature)
+    joint = joint.with_terms(armature=armature)
     if p <= 0.0:
-        joint = replace(joint, terms=terms)
         return joint.also_unused("the gain d of controller_gains without p") if d else joint
-    return replace(joint, driven=True, derivative_gain=d, terms=replace(terms, drive="position_servo", kp=p))
+    return replace(joint.with_terms(drive="position_servo", kp=p), driven=True, derivative_gain=d)
 
 
 def attribute(element: ET.Element, tag: str, name: str, *, limit: bool = False) -> float:
-    """The attribute of a child, 0 where there is none.
-
-    Args:
-        element: The parent.
-        tag: Of the child.
-        name: Of the attribute.
-        limit: Whether it may be infinite, which is no limit and so 0.
+    """The attribute of a child, 0 where there is none, or where a `limit` is infinite.
 
     Raises:
         ValueError: it is no number; names element and line.
@@ -154,11 +146,9 @@ def _type_of(joint: ET.Element) -> JointType:
 
 
 def _motion(joint: ET.Element) -> list[str]:
-    """Limits of the motion, and the joint that it follows."""
-    found = []
+    """Limits of the motion."""
     velocity, lower, upper = (attribute(joint, "limit", name, limit=True) for name in ("velocity", "lower", "upper"))
-    if velocity:
-        found.append("its limit of the velocity")
+    found = ["its limit of the velocity"] if velocity else []
     if joint.get("type") != "continuous" and lower != upper:
         found.append("its limits of the position (lower, upper)")
     return found
@@ -220,14 +210,17 @@ def _plugins(parent: ET.Element) -> Iterator[tuple[str, str]]:
             yield text, f"its {place(plugin)}"
 
 
-def content(element: ET.Element, path: str) -> float:
-    """The number in the element at a path, 0 where there is none.
+def content(element: ET.Element, path: str, *, limit: bool = False) -> float:
+    """The number in the element at a path, 0 where there is none, or where a `limit` is infinite.
 
     Raises:
         ValueError: it is no number; names element and line.
     """
     child = element.find(path)
-    return 0.0 if child is None else (finite(child, _word(child.tag), child.text or "") or [0.0])[0]
+    text = "" if child is None else (child.text or "").strip()
+    if child is None or (limit and _is_infinite(text)):
+        return 0.0
+    return (finite(child, _word(child.tag), text) or [0.0])[0]
 
 
 def _word(tag: str) -> str:
@@ -340,7 +333,7 @@ def _model_file(uri: str, folder: Path) -> Path | None:
 
 
 def _read(joint: ET.Element) -> ReadJoint:
-    effort = _limit(joint, "effort")
+    effort = content(joint, "axis/limit/effort", limit=True)
     stiffness = content(joint, "axis/dynamics/spring_stiffness")
     terms = Terms(
         drive="torque",
@@ -349,7 +342,7 @@ def _read(joint: ET.Element) -> ReadJoint:
         frictionloss=content(joint, "axis/dynamics/friction"),
         stiffness=stiffness,
         preload=-stiffness * content(joint, "axis/dynamics/spring_reference"),
-        torque_limit=effort if 0.0 < effort < math.inf else None,
+        torque_limit=effort if effort > 0.0 else None,
     )
     inertia, ratio = content(joint, f"{DRAKE}rotor_inertia"), content(joint, f"{DRAKE}gear_ratio") or 1.0
     gains = (attribute(joint, f"{DRAKE}controller_gains", name) for name in ("p", "d"))
@@ -359,28 +352,19 @@ def _read(joint: ET.Element) -> ReadJoint:
 
 
 def _unused(joint: ET.Element) -> list[str]:
-    found = [f"its {each.tag.replace(DRAKE, PREFIX)}" for each in joint if each.tag not in SDF_JOINT_USED]
+    found = [f"its {_word(each.tag)}" for each in joint if each.tag not in SDF_JOINT_USED]
     for axis in joint.findall("axis"):
-        found += [f"its {each.tag.replace(DRAKE, PREFIX)}" for each in axis if each.tag not in AXIS_USED]
+        found += [f"its {_word(each.tag)}" for each in axis if each.tag not in AXIS_USED]
         for dynamics in axis.findall("dynamics"):
             found += [f"its {each.tag}" for each in dynamics if each.tag not in DYNAMICS_USED]
         for limit in axis.findall("limit"):
             found += [f"its {each.tag} of the limit" for each in limit if each.tag in ("stiffness", "dissipation")]
-    if 0.0 < abs(_limit(joint, "velocity")) < math.inf:
+    velocity, *ends = (content(joint, f"axis/limit/{name}", limit=True) for name in ("velocity", "lower", "upper"))
+    if velocity:
         found.append("its limit of the velocity")
-    ends = _limit(joint, "lower"), _limit(joint, "upper")
     if any(0.0 < abs(end) < 1e16 for end in ends):
         found.append("its limits of the position (lower, upper)")
     return found
-
-
-def _limit(joint: ET.Element, name: str) -> float:
-    """A limit; it may be infinite, or -1 for none."""
-    element = joint.find(f"axis/limit/{name}")
-    text = "" if element is None else (element.text or "").strip()
-    if element is None or not text or _is_infinite(text):
-        return 0.0
-    return (finite(element, name, text) or [0.0])[0]
 
 
 _SCHEME = "package://"
@@ -394,11 +378,7 @@ def _package_folders(name: str) -> list[Path]:
 
 
 def resolve(reference: str, folder: Path) -> Path:
-    """The file that `reference` means.
-
-    Args:
-        reference: `package://NAME/path`, or a path relative to `folder`.
-        folder: Of the file that holds the reference.
+    """The file that `package://NAME/path`, or a path relative to the folder of the file that holds it, means.
 
     Raises:
         ParamsError: there is no such file or package; the message says where it was looked for, and what to install.

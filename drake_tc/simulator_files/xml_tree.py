@@ -29,9 +29,6 @@ class Element(ET.Element):
 def xml_tree(text: str) -> ET.Element:
     """The root of a document. Names with another prefix than Drake's stay as they are written.
 
-    Args:
-        text: Of the file.
-
     Raises:
         ExpatError: it is no XML.
     """
@@ -80,11 +77,6 @@ def line_of(element: ET.Element) -> int:
 def finite(element: ET.Element, what: str, text: str) -> list[float]:
     """The finite numbers in a text.
 
-    Args:
-        element: Where it stands.
-        what: Name of the attribute or tag.
-        text: Numbers between blanks; may be empty.
-
     Raises:
         ValueError: something else; names element, line and text.
     """
@@ -105,21 +97,12 @@ Attributes = Mapping[str, str]
 
 
 def included_path(file: str, folders: Sequence[Path]) -> Path | None:
-    """The file that an `<include>` names, in the first folder that has it; None where none has.
-
-    Args:
-        file: Its attribute `file`.
-        folders: That of the file that is loaded, and those of the files that include each other.
-    """
+    """The file that an `<include>` names, in the first folder that has it; None where none has."""
     return next((path for path in (folder / file for folder in folders) if path.is_file()), None)
 
 
 def with_includes(root: ET.Element, path: Path) -> ET.Element:
-    """The tree with every `<include>` replaced by the content of its file.
-
-    Args:
-        root: `<mujoco>`; it is changed.
-        path: Of its file.
+    """The tree, changed, with every `<include>` replaced by the content of its file.
 
     Raises:
         ValueError: a file that is not there, is no XML or includes itself; names element and line.
@@ -157,11 +140,7 @@ class Defaults:
     """The classes of defaults of a file."""
 
     def __init__(self, root: ET.Element) -> None:
-        """Read them.
-
-        Args:
-            root: `<mujoco>` with its includes.
-        """
+        """Read them."""
         self._chain: dict[str, tuple[ET.Element, ...]] = {"": ()}
         tops: tuple[ET.Element, ...] = ()
         for top in root.findall("default"):
@@ -178,10 +157,6 @@ class Defaults:
 
     def elements(self, element: ET.Element, around: str = "") -> Iterator[ET.Element]:
         """Elements of the classes that an element has, outermost first, in the order in which they count.
-
-        Args:
-            element: Of the model.
-            around: Class of the bodies around it.
 
         Raises:
             ValueError: a class that the file does not have; names element and line.
@@ -243,11 +218,7 @@ WIDTHS: Mapping[str, Widths] = {"hinge": (1, 1), "slide": (1, 1), "ball": (4, 3)
 
 
 def states(root: ET.Element) -> dict[str, Widths]:
-    """Joints of an MJCF file in the order of q and v, by name, or by a number for those without one.
-
-    Args:
-        root: `<mujoco>` with its includes.
-    """
+    """Joints of an MJCF file in the order of q and v, by name, or by a number for those without one."""
     defaults, found = Defaults(root), dict[str, Widths]()
     for joint, around in (each for _, own in bodies(root) for each in own):
         kind = "free" if joint.tag == "freejoint" else defaults.attributes(joint, around).get("type", "hinge")

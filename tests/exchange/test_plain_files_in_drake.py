@@ -3,6 +3,7 @@
 import json
 import logging
 import re
+from functools import partial
 
 import numpy as np
 import pytest
@@ -13,12 +14,7 @@ from pydrake.systems.analysis import Simulator
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.recorded_run import Link
 from drake_tc.cli.main import run as drake_tc
-from drake_tc.exchange.drake_run import (
-    simulate_file_in_drake,
-    simulate_in_drake,
-    simulate_sdf_in_drake,
-    simulate_urdf_in_drake,
-)
+from drake_tc.exchange.drake_run import simulate_file_in_drake, simulate_in_drake, simulate_plain_in_drake
 from drake_tc.exchange.projection import TARGETS, project
 from drake_tc.exchange.target_run import RunInput, WrittenFile
 from drake_tc.exchange.trial import changes, try_export
@@ -59,7 +55,8 @@ DYNAMICS = {
     "sdf": "<dynamics><damping>{damping}</damping><friction>{friction}</friction></dynamics>",
 }
 FORMATS = pytest.mark.parametrize("kind", ["urdf", "sdf"])
-BOTH = pytest.mark.parametrize("simulate", [simulate_urdf_in_drake, simulate_sdf_in_drake], ids=["urdf", "sdf"])
+PLAIN = [partial(simulate_plain_in_drake, write) for write in (to_urdf, to_sdf)]
+BOTH = pytest.mark.parametrize("simulate", PLAIN, ids=["urdf", "sdf"])
 PENDULUM = Link(0.4, 9.0, 0.3)
 
 

@@ -1,6 +1,7 @@
 """What Drake, MuJoCo and BAM make of exported terms: closed forms, and the ratio of their errors to the model's own."""
 
 import json
+from functools import partial
 
 import numpy as np
 import pandas as pd
@@ -16,11 +17,12 @@ from drake_tc.cli.main import run as drake_tc
 from drake_tc.diagrams.joint_bench import BenchScenario, record_bench
 from drake_tc.errors import ParamsError
 from drake_tc.exchange.bam import simulate_as_bam
-from drake_tc.exchange.drake_run import simulate_in_drake, simulate_sdf_in_drake, simulate_urdf_in_drake
+from drake_tc.exchange.drake_run import simulate_in_drake, simulate_plain_in_drake
 from drake_tc.exchange.mujoco_run import simulate_in_mujoco
 from drake_tc.exchange.projection import TARGETS, project
 from drake_tc.exchange.target_run import RunInput
 from drake_tc.exchange.trial import Exported, run_errors
+from drake_tc.exchange.urdf import to_sdf, to_urdf
 from drake_tc.logs.rig import parse_rig
 from drake_tc.loops.joint_bench import Table
 from drake_tc.simulator_files.read import read_joints
@@ -39,8 +41,8 @@ RUNNERS = {
     "drake": (simulate_in_drake, "torque"),
     "bam": (simulate_as_bam, "voltage"),
     "mujoco": (simulate_in_mujoco, "torque"),
-    "urdf": (simulate_urdf_in_drake, "torque"),
-    "sdf": (simulate_sdf_in_drake, "torque"),
+    "urdf": (partial(simulate_plain_in_drake, to_urdf), "torque"),
+    "sdf": (partial(simulate_plain_in_drake, to_sdf), "torque"),
 }
 PLAIN = ("urdf", "sdf")
 """Formats without the inertia of a rotor: there it is that of the link."""

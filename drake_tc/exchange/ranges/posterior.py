@@ -102,13 +102,7 @@ def _over_units(one: Estimated, others: Sequence[Unit]) -> Estimated:
 
 
 def draws(posterior: Posterior, count: int, seed: int) -> dict[str, FloatArray]:
-    """By joint, (count, p) draws of its estimated parameters.
-
-    Args:
-        posterior: Of the parameters.
-        count: How many.
-        seed: Of the generator.
-    """
+    """By joint, (count, p) draws of its estimated parameters."""
     rng = np.random.default_rng(seed)
     out = {}
     for joint, found in posterior.unit.estimated.items():
@@ -129,13 +123,7 @@ def _root(correlation: FloatArray) -> FloatArray:
 
 
 def drawn_models(posterior: Posterior, joint: str, drawn: FloatArray) -> Iterator[ActuatorModel]:
-    """The joint's model with each row of its draws.
-
-    Args:
-        posterior: Of the parameters.
-        joint: Its name.
-        drawn: (N, p) of `draws`.
-    """
+    """The joint's model with each row (N, p) of its `draws`."""
     model, found = posterior.unit.models[joint], posterior.unit.estimated[joint]
     for row in drawn:
         yield with_values(model, dict(zip((each.key for each in found), row.tolist(), strict=True)))
@@ -148,12 +136,7 @@ def central_model(posterior: Posterior, joint: str) -> ActuatorModel:
 
 
 def with_values(model: ActuatorModel, values: dict[tuple[str, str], float]) -> ActuatorModel:
-    """The model with other values of some parameters.
-
-    Args:
-        model: Of one joint.
-        values: By effect and parameter; ("drive", "gain") is the gain.
-    """
+    """The model with other values, by effect and parameter, of some parameters; ("drive", "gain") is the gain."""
     effects = []
     for each in model.effects:
         limits = {p.name: (p.lower, p.upper) for p in each.effect.parameters}

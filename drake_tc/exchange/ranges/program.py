@@ -149,14 +149,7 @@ def as_tuple(of: Distribution) -> str:
 
 
 def head(purpose: str, posterior: Posterior, ranges: Sequence[TermRanges], randomised: Sequence[str]) -> list[str]:
-    """Docstring of a file: what it is, what was estimated, and what it does not randomise.
-
-    Args:
-        purpose: First sentence.
-        posterior: Of the parameters.
-        ranges: Of the terms.
-        randomised: Terms that the simulator's file can randomise.
-    """
+    """Docstring of a file: what it is, what was estimated, and what it does not randomise."""
     lines = [f'"""{purpose}', "", "Ranges by drake-tc from the 95 % intervals of a diagnosis."]
     lines += ["", *posterior.notes] if posterior.notes else []
     left = [
@@ -239,12 +232,6 @@ def save_samples(posterior: Posterior, path: Path, count: int, seed: int) -> Non
     """Write a Parquet file with one row a draw and one column a parameter; the units stand in the columns' metadata.
 
     The metadata `drake_tc` of the file is the document of `as_document` as JSON.
-
-    Args:
-        posterior: Of the parameters.
-        path: File to write.
-        count: Number of draws.
-        seed: Of the generator.
     """
     drawn = draws(posterior, count, seed)
     fields, columns = [], []

@@ -56,12 +56,7 @@ def mjlab_terms(each: TermRanges) -> tuple[str, ...]:
 
 
 def to_mjlab(posterior: Posterior, ranges: Sequence[TermRanges]) -> str:
-    """The text of a Python module whose EVENTS go into the events of an environment.
-
-    Args:
-        posterior: Of the parameters.
-        ranges: Of each joint's terms.
-    """
+    """The text of a Python module whose EVENTS go into the events of an environment."""
     terms = sorted({name for each in ranges for name in mjlab_terms(each)})
     entries = [
         line for each in ranges for name, of in each.distributions.items() for line in _mjlab_entry(each, name, of)
@@ -105,12 +100,7 @@ def to_mjlab(posterior: Posterior, ranges: Sequence[TermRanges]) -> str:
 
 
 def correlated(ranges: Sequence[TermRanges], terms: Sequence[str]) -> list[str]:
-    """Comment lines on terms that are drawn independently although they are correlated.
-
-    Args:
-        ranges: Of each joint's terms.
-        terms: That the file randomises.
-    """
+    """Comment lines on terms that are drawn independently although they are correlated."""
     out = []
     for each in ranges:
         names = list(each.distributions)
@@ -162,12 +152,7 @@ def isaaclab_terms(each: TermRanges) -> tuple[str, ...]:
 
 
 def to_isaaclab_events(posterior: Posterior, ranges: Sequence[TermRanges]) -> str:
-    """The text of a Python module whose EVENTS become the fields of an environment's events.
-
-    Args:
-        posterior: Of the parameters.
-        ranges: Of each joint's terms.
-    """
+    """The text of a Python module whose EVENTS become the fields of an environment's events."""
     terms = sorted({name for each in ranges for name in isaaclab_terms(each)})
     entries = [line for each in ranges for line in _isaaclab_entries(each)]
     return "\n".join(
@@ -281,12 +266,7 @@ def playground_terms(each: TermRanges) -> tuple[str, ...]:
 
 
 def to_playground(posterior: Posterior, ranges: Sequence[TermRanges]) -> str:
-    """The text of a Python module with `domain_randomizer`.
-
-    Args:
-        posterior: Of the parameters.
-        ranges: Of each joint's terms.
-    """
+    """The text of a Python module with `domain_randomizer`."""
     terms = sorted({name for each in ranges for name in playground_terms(each)})
     purpose = "Domain randomisation for MuJoCo Playground: randomization_fn = domain_randomizer(env.mj_model)."
     return "\n".join(

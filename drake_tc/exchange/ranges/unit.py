@@ -114,9 +114,6 @@ def of_units(units: Sequence[Distribution]) -> Distribution:
     """What a further unit may have, from the distributions of this parameter in K units.
 
     With weights w_k = 1/(s_k^2 + tau^2) its value is sum w_k x_k/sum w_k, its variance tau^2 + 1/sum w_k.
-
-    Args:
-        units: One a unit, at least one.
     """
     first = units[0]
     if len(units) == 1:
@@ -266,13 +263,9 @@ def _document(path: Path, what: str) -> dict[str, Any]:
     except ValueError as error:
         raise ParamsError(f"{path}: expected {what}, got a file that is not JSON") from error
     joints = document.get("joints") if isinstance(document, dict) else None
-    if (
-        not isinstance(document, dict)
-        or not isinstance(joints, dict)
-        or not all(isinstance(each, dict) for each in joints.values())
-    ):
+    if not isinstance(joints, dict) or not all(isinstance(each, dict) for each in joints.values()):
         raise ParamsError(f"{path}: expected {what}, which has an entry `joints`, got another document")
-    return document
+    return dict(document)
 
 
 def _doubts(document: Mapping[str, Any]) -> list[str]:
