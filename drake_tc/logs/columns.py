@@ -53,14 +53,7 @@ _MEANS = {"temperature": "a temperature", "supply_voltage": "a supply voltage", 
 def column_hints(
     names: Sequence[str], found: Mapping[str, str], rig: Rig, switches: Collection[str]
 ) -> tuple[str, ...]:
-    """One sentence for each column that seems to be meant and is not used, and for each misspelt sensor.
-
-    Args:
-        names: Columns of the log.
-        found: Canonical name to the column of the log that is used for it.
-        rig: The rig.
-        switches: Columns of the log that say when the drive is on.
-    """
+    """One sentence for each column that seems to be meant and is not used, and for each misspelt sensor."""
     notes = [_sensor_hint(canonical, name, rig) for canonical, name in found.items()]
     used = {*found.values(), *switches}
     for name in names:

@@ -162,10 +162,7 @@ class Inspection:
 
 
 def inspect_log(path: Path) -> Inspection:
-    """Read a log and say what its columns seem to be.
-
-    Args:
-        path: Any log that `read_table` reads, a ROS bag included.
+    """Read a log, a ROS bag included, and say what its columns seem to be.
 
     Raises:
         LogError: a file that cannot be read.

@@ -237,8 +237,3 @@ IMU_PARTS: Mapping[str, ImuTolerance] = {
     "mpu_6050": ImuTolerance(0.080 * _G, 20.0 * _DEG, 0.03, 0.02),
 }
 """Common IMUs, as they leave the factory."""
-
-
-def typical(column: str) -> Tolerance:
-    """What is assumed of a sensor of which the rig file says nothing; `column` as in the log, e.g. `ft_foot`."""
-    return FORCE_TORQUE_PARTS["typical"] if column.startswith("ft_") else IMU_PARTS["typical"]

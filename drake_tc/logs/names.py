@@ -271,13 +271,7 @@ def stated_unit(name: str, suffix: str) -> str:
 
 
 def _of_unit(name: str, told: Meaning | None, stated: str) -> Meaning | None:
-    """What a column seems to be by the unit that its name states; None where the unit tells no quantity.
-
-    Args:
-        name: Without the unit.
-        told: What the rest of the name tells, which is of another unit.
-        stated: Unit in the name.
-    """
+    """What a column seems to be by the unit in its name, of another unit; None where that tells no quantity."""
     parts = [word.lower() for word in words(name)]
     if not parts or any(word in _NO_JOINT for word in parts) or _is_other(parts):
         return None
@@ -306,13 +300,7 @@ LINE_BELOW = "line 2 of the file"
 
 
 def with_unit(told: Meaning, stated: str, by: str) -> Meaning:
-    """A meaning, with the unit that a file states beside the names; one in the name itself goes first.
-
-    Args:
-        told: Of the name.
-        stated: What the file states; empty for nothing.
-        by: Where it states it.
-    """
+    """A meaning, with the unit that a file states beside the names; one in the name itself goes first."""
     if told.unit or not stated:
         return told
     unit = unit_named(stated, told.quantity)

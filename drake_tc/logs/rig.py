@@ -229,10 +229,9 @@ class Rig:
         sensors = [name for name in self.robot_sensors if name.startswith("ft_")]
         return tuple(f"{name}/{axis}" for name in sensors for axis in WRENCH_AXES)
 
-    def known(self, joint: str, effect: str, default: float = 0.0) -> float:
-        """The declared value of an effect, or `default` where it is not declared or its value is unknown."""
-        value = self.declared[joint].get(effect)
-        return default if value is None else value
+    def known(self, joint: str, effect: str) -> float:
+        """The declared value of an effect, or 0 where it is not declared or its value is unknown."""
+        return self.declared[joint].get(effect) or 0.0
 
 
 def parse_rig(document: object, source: Path | str = "rig") -> Rig:
@@ -284,13 +283,18 @@ def _rig_of(read: RigDocument, robot: Path | None, source: Path | None) -> Rig:
     gains, derivative_gains = _declared_gains(read)
     stated = values_by_joint(read.joint_type, joints)
     types = joint_types(joints, stated, robot, read.units or {})
+    drives, limits = (values_by_joint(entry, joints) for entry in (read.drive, read.saturation))
     load = {joint: load_of(entry) for joint, entry in values_by_joint(read.load, joints).items()}
     check_sliding_loads(load, types)
     return Rig(
         joints=joints,
-        drive=values_by_joint(read.drive, joints),
+        drive=drives,
         load=load,
-        declared={joint: declared_of(entry) | _limit_of(read, joint) for joint, entry in declared.items()},
+        declared={
+            joint: declared_of(entry)
+            | _servo_limit(drives[joint], limits[joint], gains.get(joint), derivative_gains.get(joint))
+            for joint, entry in declared.items()
+        },
         columns={name: str(in_log) for name, in_log in (read.columns or {}).items()},
         units=read.units or {},
         enabled=read.enabled,
@@ -304,23 +308,21 @@ def _rig_of(read: RigDocument, robot: Path | None, source: Path | None) -> Rig:
         coupled=read.coupled or {},
         robot_sensors=robot_sensors(robot),
         joint_types=types,
-        saturation={
-            joint: limit for joint, limit in values_by_joint(read.saturation, joints).items() if limit is not None
-        },
+        saturation={joint: limit for joint, limit in limits.items() if limit is not None},
         drive_gain=gains,
         derivative_gain=derivative_gains,
     )
 
 
-def _limit_of(read: RigDocument, joint: str) -> dict[str, float | None]:
+def _servo_limit(
+    drive: DriveKind, limit: float | None, gain: float | None, damping: float | None
+) -> dict[str, float | None]:
     """The stated limit of a position servo as a declared effect, with the servo's damping where that is stated."""
-    limit, drive = (values_by_joint(entry, read.joint_names)[joint] for entry in (read.saturation, read.drive))
     if limit is None or drive != "position_servo":
         return {}
-    gains, damping = _declared_gains(read)
-    if joint not in damping or joint not in gains:
+    if damping is None or gain is None:
         return {"saturation": limit}
-    time = damping[joint] * gains[joint]
+    time = damping * gain
     return {"saturation.servo": None, "saturation.servo.limit": limit, "saturation.servo.derivative_time": time}
 
 

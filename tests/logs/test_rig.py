@@ -32,7 +32,7 @@ def test_viscous_and_coulomb_are_always_declared():
 def test_declared_in_every_form(declared, expected):
     rig = parse_rig({**BASE, "declared": declared})
     assert dict(rig.declared["knee"]) == {"viscous": None, "coulomb": None} | expected
-    assert rig.known("knee", "rotor_inertia", default=0.0) == expected.get("rotor_inertia", 0.0)
+    assert rig.known("knee", "rotor_inertia") == expected.get("rotor_inertia", 0.0)
 
 
 def test_several_joints_each_with_its_own(tmp_path):

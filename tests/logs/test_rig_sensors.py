@@ -15,7 +15,6 @@ from drake_tc.logs.loads import (
     ForceTorqueTolerance,
     ImuTolerance,
     JointSensors,
-    typical,
 )
 from drake_tc.logs.rig import load_rig, parse_rig, rig_document, save_rig
 from drake_tc.logs.units import allowed_units
@@ -102,7 +101,7 @@ def test_the_tolerance_of_an_effort_goes_with_its_drive(owner):
 def test_tolerances_fill_up_from_the_part_or_a_typical_one(tmp_path):
     sensors = {"ft_foot": {"bias": ["2 N", "50 mN*m"], "gain": "1 %"}, "imu_trunk": {"part": "MPU-6050", "gain": 0.0}}
     rig = robot_rig(tmp_path, sensors)
-    usual = typical("ft_foot")
+    usual = FORCE_TORQUE_PARTS["typical"]
     assert rig.force_torque_tolerance("foot") == ForceTorqueTolerance(2.0, 0.05, 0.01, usual.alignment)
     part = IMU_PARTS["mpu_6050"]
     assert rig.imu_tolerance("trunk") == ImuTolerance(part.accel_bias, part.gyro_bias, 0.0, part.alignment)

@@ -375,11 +375,10 @@ def uniform_clock(
     """
     steps = np.diff(time)
     on = enabled[1:] & enabled[:-1]
-    right = np.ones(steps.size, dtype=bool) if stepped is None else ~stepped
-    period = _period(steps[on & right] if int((on & right).sum()) >= MIN_ROWS else steps[right], path, unit)
-    apart = steps > GAP_PERIODS * period
-    if stepped is not None:
-        apart |= stepped
+    stepped = np.zeros(steps.size, dtype=bool) if stepped is None else stepped
+    right = on & ~stepped
+    period = _period(steps[right if int(right.sum()) >= MIN_ROWS else ~stepped], path, unit)
+    apart = (steps > GAP_PERIODS * period) | stepped
     edges = np.concatenate([[0], np.flatnonzero(apart) + 1, [time.size]])
     slack = max(0.02 * period, 0.6 * _resolution(time[:: max(1, time.size // 20000)]))
     if slack > 0.3 * period:
@@ -402,7 +401,7 @@ def uniform_clock(
         grids.append(grid)
         blocks.append(np.full(grid.size, number, dtype=np.int64))
     notes = _notes(steps[~apart], period, lost=lost, worst=worst)
-    if stepped is not None and stepped.any():
+    if stepped.any():
         first = int(np.flatnonzero(stepped)[0])
         notes += (
             f"The clock steps by {1e3 * steps[first]:.4g} ms at {time[first]:.6g} s although the joints moved on by one"
@@ -449,10 +448,6 @@ def on_rows_of_positions(raw: RawLog, rig: Rig) -> RawLog:
     Measurements are interpolated linearly between their own samples, commands held. What lies outside, or in holes of
     more than 2.5 usual spacings, is missing (NaN). Without this, the position would be interpolated at the rows of the
     others: its noise and its steps would look smaller, and its rate higher, than they are.
-
-    Args:
-        raw: Canonical columns (T,) on the rows of the file.
-        rig: Whose joints and drives say what the balance needs.
     """
     motion = [f"{j}/{'velocity' if j in raw.speed_only else 'position'}" for j in rig.joints]
     needed = [

@@ -9,7 +9,7 @@ in one or more rows, and comes back with a leap. One of the two leaps is small w
 moment.
 """
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -213,65 +213,64 @@ def without_outliers(raw: RawLog, joints: Sequence[str], sliding: Collection[str
     notes: list[str] = []
     for joint in joints:
         notes += _without_dropouts(columns, joint, raw)
-        for name in () if joint in sliding else (f"{joint}/{suffix}" for suffix in ANGLES):
-            if name in columns and (turns := without_turns(columns[name])).rows:
+        for name in () if joint in sliding else _own(columns, joint, ANGLES):
+            if (turns := without_turns(columns[name])).rows:
                 columns[name] = turns.values
-                count = len(turns.rows)
-                notes.append(
-                    f"Column {name} jumps by whole turns of 2 pi in {count} row{'s' if count > 1 else ''} (the first:"
-                    f" {file_row(raw.path, turns.rows[0])}); the turns were undone."
-                )
+                where = _where(np.isin(np.arange(turns.values.size), turns.rows), raw)
+                notes.append(f"Column {name} jumps by whole turns of 2 pi in {where}; the turns were undone.")
         if joint not in sliding:
             _put_together(columns, joint)
-        for name in (f"{joint}/{suffix}" for suffix in MEASURED):
-            if name in columns:
-                columns[name], note = _without_spikes(columns[name], name, raw, _pulses(columns, joint, name))
-                notes += [note] if note else []
+        for name in _own(columns, joint, MEASURED):
+            notes += _without_spikes(columns, name, raw, _pulses(columns, joint, name))
         notes += _without_saturation(columns, joint, raw)
         notes += _without_held(columns, joint, raw)
     return replace(raw, columns=columns, notes=(*raw.notes, *notes)) if notes else raw
 
 
+def _own(columns: Mapping[str, FloatArray], joint: str, suffixes: Sequence[str]) -> list[str]:
+    """Names of the joint's channels with these last parts."""
+    return [name for name in (f"{joint}/{suffix}" for suffix in suffixes) if name in columns]
+
+
+def _where(rows: BoolArray, raw: RawLog) -> str:
+    """How many rows (T,), and which is the first."""
+    count = int(rows.sum())
+    return f"{count} row{'s' if count > 1 else ''} (the first: {file_row(raw.path, int(np.argmax(rows)))})"
+
+
+def _taken_out(columns: dict[str, FloatArray], name: str, what: str, rows: BoolArray, raw: RawLog) -> list[str]:
+    """NaN in rows (T,) in which a channel was not read, and the sentence about them; none where there are none."""
+    if not rows.any():
+        return []
+    columns[name] = np.where(rows, np.nan, columns[name])
+    return [f"Column {name} {what} in {_where(rows, raw)}; they were taken out."]
+
+
 def _without_dropouts(columns: dict[str, FloatArray], joint: str, raw: RawLog) -> list[str]:
     """NaN where a channel dropped out to 0; a position command only where the joint did not answer."""
-    command, position = columns.get(f"{joint}/position_command"), columns.get(f"{joint}/position")
+    name, position = f"{joint}/position_command", columns.get(f"{joint}/position")
     steps = np.diff(raw.time, prepend=raw.time[:1])
     apart = steps > GAP_PERIODS * float(np.median(steps))
     notes = []
-    for name in (f"{joint}/{suffix}" for suffix in DROPPING):
-        if name in columns and (rows := zero_rows(columns[name], apart)).any():
-            columns[name] = np.where(rows, np.nan, columns[name])
-            notes.append(_taken_out(name, "drops out to 0", rows, raw))
-    if command is not None and position is not None and (rows := unanswered_zeros(command, position, apart)).any():
-        columns[f"{joint}/position_command"] = np.where(rows, np.nan, command)
-        notes.append(_taken_out(f"{joint}/position_command", "drops out to 0, and the joint moves on,", rows, raw))
+    for each in _own(columns, joint, DROPPING):
+        notes += _taken_out(columns, each, "drops out to 0", zero_rows(columns[each], apart), raw)
+    if name in columns and position is not None:
+        rows = unanswered_zeros(columns[name], position, apart)
+        notes += _taken_out(columns, name, "drops out to 0, and the joint moves on,", rows, raw)
     return notes
 
 
 def _without_saturation(columns: dict[str, FloatArray], joint: str, raw: RawLog) -> list[str]:
     """NaN where the position or the torque of a joint rests at the end of its sensor's range."""
-    notes = []
-    for name in (f"{joint}/position", f"{joint}/torque"):
-        if name not in columns:
-            continue
+    notes, command = [], columns.get(f"{joint}/position_command")
+    for name in _own(columns, joint, ("position", "torque")):
         values, step = columns[name], grid_step(columns[name])
-        command = columns.get(f"{joint}/position_command")
         torque = name.endswith("/torque")
         rows = saturated_torque(values, step) if torque else saturated_position(values, command, step)
-        if not rows.any():
-            continue
-        reached = float(np.nanmax(np.abs(columns[name][rows])))
-        columns[name] = np.where(rows, np.nan, columns[name])
+        reached = float(np.nanmax(np.abs(values[rows]), initial=0.0))
         what = f"stops at an extreme value (up to {reached:.4g}), as at the end of the sensor's range,"
-        notes.append(_taken_out(name, what, rows, raw))
+        notes += _taken_out(columns, name, what, rows, raw)
     return notes
-
-
-def _taken_out(name: str, what: str, rows: BoolArray, raw: RawLog) -> str:
-    """The sentence about rows (T,) in which a channel was not read."""
-    count, first = int(rows.sum()), int(np.flatnonzero(rows)[0])
-    where = f"{count} row{'s' if count > 1 else ''} (the first: {file_row(raw.path, first)})"
-    return f"Column {name} {what} in {where}; they were taken out."
 
 
 def _without_held(columns: dict[str, FloatArray], joint: str, raw: RawLog) -> list[str]:
@@ -294,10 +293,10 @@ def _without_repeats(columns: dict[str, FloatArray], held: BoolArray, raw: RawLo
         if np.array_equal(values[held], values[np.flatnonzero(held) - 1], equal_nan=True):
             columns[name] = np.where(held, np.nan, values)
             names.append(name)
-    first = int(np.flatnonzero(held)[0])
+    first = file_row(raw.path, int(np.argmax(held)))
     return [
         f"Column {name} repeats an earlier value in {int(held.sum())} rows in which the joint moved on (the first:"
-        f" {file_row(raw.path, first)}); they were taken out."
+        f" {first}); they were taken out."
         for name in names
         if name.rpartition("/")[2] not in SLOW
     ]
@@ -318,27 +317,21 @@ def _pulses(columns: dict[str, FloatArray], joint: str, name: str) -> BoolArray:
     """Rows (T,) near spikes of the joint's effort, if the channel is one that answers them."""
     near = np.zeros(columns[name].size, dtype=bool)
     if name.rpartition("/")[2] in ANSWERS:
-        for effort in (f"{joint}/{suffix}" for suffix in EFFORTS):
-            if effort in columns:
-                near |= spikes(columns[effort])
+        for effort in _own(columns, joint, EFFORTS):
+            near |= spikes(columns[effort])
     return np.asarray(binary_dilation(near, iterations=WITHIN)) if near.any() else near
 
 
-def _without_spikes(values: FloatArray, name: str, raw: RawLog, pulses: BoolArray) -> tuple[FloatArray, str]:
+def _without_spikes(columns: dict[str, FloatArray], name: str, raw: RawLog, pulses: BoolArray) -> list[str]:
+    """NaN where a channel has spikes that no pulse (T,) explains."""
+    values = columns[name]
     wild = spikes(values) & ~pulses
-    count = int(wild.sum())
-    if not count:
-        return values, ""
-    first = int(np.flatnonzero(wild)[0])
-    if count > MOST_SPIKES * values.size:
+    if (count := int(wild.sum())) > MOST_SPIKES * values.size:
+        first = int(np.argmax(wild))
         raise LogError(
             f"{raw.path}: column {name} has spikes in {count} of {values.size} rows, the first in"
             f" {file_row(raw.path, first)} ({values[first]:.4g}); expected a column without spikes: repair the"
             " wiring or the logger, and record again"
         )
-    largest = float(np.max(np.abs(values[wild] - np.nanmedian(values))))
-    note = (
-        f"Column {name} has spikes of up to {largest:.3g} in {count} row{'s' if count > 1 else ''} (the first:"
-        f" {file_row(raw.path, first)}); they were taken out."
-    )
-    return np.where(wild, np.nan, values), note
+    largest = float(np.max(np.abs(values[wild] - np.nanmedian(values)))) if count else 0.0
+    return _taken_out(columns, name, f"has spikes of up to {largest:.3g}", wild, raw)

@@ -37,9 +37,9 @@ def derivative(values: FloatArray, period: float, order: int = 1) -> FloatArray:
     return np.asarray(savgol_filter(values, window, 3, deriv=order, delta=period))
 
 
-def _top_speed(position: FloatArray, period: float, usable: BoolArray | None = None) -> float:
+def _top_speed(position: FloatArray, period: float, usable: BoolArray) -> float:
     """Speed that one sample in a thousand exceeds, by differences over 20 ms [unit of position/s]."""
-    rows = np.arange(position.size) if usable is None else np.flatnonzero(usable)
+    rows = np.flatnonzero(usable)
     w = min(max(1, round(0.02 / period)), rows.size - 1)
     together = rows[w:] - rows[:-w] == w
     if not together.any():
@@ -73,17 +73,13 @@ def check_angles(columns: Mapping[str, FloatArray], usable: BoolArray, rig: Rig,
             values = columns[name]
             span = float(np.ptp(values[usable]))
             speed = _top_speed(values, period, usable) if suffix == "position" else 0.0
-            stated = scale_of(name, rig.units).stated
-            if rig.units_of(joint).slides:
-                _check_length(span, speed, rig, name, path)
-                continue
-            if not stated and _looks_like_degrees(span, speed, servo=servo):
-                what = f"spans {span:.4g} rad" + (f" at up to {speed:.4g} rad/s" if speed else "")
-                raise LogError(
-                    f"{path}: column {rig.columns.get(name, name)!r} {what}, which the joints of robots do not: "
-                    f"it looks like degrees; set units: {{{suffix}: deg}} in the rig file "
-                    f"(or {suffix}: rad if it is right, as for a wheel)"
-                )
+            slides, unit = rig.units_of(joint).slides, rig.units_of(joint).position
+            what = f"spans {span:.4g} {unit}" + (f" at up to {speed:.4g} {unit}/s" if speed else "")
+            if slides and (span > LONGEST_AXIS or speed > FASTEST_AXIS):
+                _refuse_unstated(name, rig, path, f"{what}, more than a prismatic joint does", ("mm", "m"))
+            elif not slides and _looks_like_degrees(span, speed, servo=servo):
+                what += ", which the joints of robots do not"
+                _refuse_unstated(name, rig, path, what, ("deg", "rad"), "degrees", ", as for a wheel")
         if servo:
             _check_command_scale(columns, usable, rig, joint, path)
         if {f"{joint}/position", f"{joint}/motor_position"} <= set(columns):
@@ -123,15 +119,16 @@ def _check_motor_scale(columns: Mapping[str, FloatArray], usable: BoolArray, rig
         )
 
 
-def _check_length(span: float, speed: float, rig: Rig, name: str, path: Path) -> None:
-    """Refuse a position of a joint that slides whose numbers in m are rather mm."""
-    if (span <= LONGEST_AXIS and speed <= FASTEST_AXIS) or scale_of(name, rig.units).stated:
+def _refuse_unstated(
+    name: str, rig: Rig, path: Path, what: str, units: tuple[str, str], looks: str = "", wheel: str = ""
+) -> None:
+    """Refuse a column whose numbers in the second unit are rather ones in the first, unless the rig file states one."""
+    if scale_of(name, rig.units).stated:
         return
-    suffix = name.rpartition("/")[2]
-    what = f"spans {span:.4g} m" + (f" at up to {speed:.4g} m/s" if speed else "")
+    (other, own), suffix = units, name.rpartition("/")[2]
     raise LogError(
-        f"{path}: column {rig.columns.get(name, name)!r} {what}, more than a prismatic joint does: it looks like mm; "
-        f"set units: {{{suffix}: mm}} in the rig file (or {suffix}: m if it is right)"
+        f"{path}: column {rig.columns.get(name, name)!r} {what}: it looks like {looks or other}; set units: {{{suffix}:"
+        f" {other}}} in the rig file (or {suffix}: {own} if it is right{wheel})"
     )
 
 
@@ -142,18 +139,12 @@ def check_speed(velocity: FloatArray, rig: Rig, joint: str, path: Path) -> None:
         LogError: It is faster than geared joints are, and the rig file states no unit.
     """
     name, fastest = f"{joint}/velocity", float(np.percentile(np.abs(velocity), 99.9))
-    if rig.units_of(joint).slides:
-        if fastest > FASTEST_AXIS and not scale_of(name, rig.units).stated:
-            raise LogError(
-                f"{path}: column {rig.columns.get(name, name)!r} reaches {fastest:.4g} m/s, more than a prismatic "
-                "joint does: it looks like mm/s; set units: {velocity: mm/s} in the rig file (or m/s if it is right)"
-            )
-        return
-    if fastest > FASTEST_UNSTATED and not scale_of(name, rig.units).stated:
-        raise LogError(
-            f"{path}: column {rig.columns.get(name, name)!r} reaches {fastest:.4g} rad/s, which no geared joint does: "
-            "it looks like rpm or deg/s; set units: {velocity: rpm} in the rig file (or velocity: rad/s if it is right)"
-        )
+    if rig.units_of(joint).slides and fastest > FASTEST_AXIS:
+        what = f"reaches {fastest:.4g} m/s, more than a prismatic joint does"
+        _refuse_unstated(name, rig, path, what, ("mm/s", "m/s"))
+    elif not rig.units_of(joint).slides and fastest > FASTEST_UNSTATED:
+        what = f"reaches {fastest:.4g} rad/s, which no geared joint does"
+        _refuse_unstated(name, rig, path, what, ("rpm", "rad/s"), "rpm or deg/s")
 
 
 def _check_command_scale(

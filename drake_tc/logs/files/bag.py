@@ -272,9 +272,6 @@ class Topic:
 def topics(path: Path) -> tuple[Topic, ...]:
     """The topics of a bag, by name.
 
-    Args:
-        path: See `read_bag`.
-
     Raises:
         LogError: as `read_bag`.
     """

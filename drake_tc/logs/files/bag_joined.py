@@ -188,13 +188,7 @@ def _entry(stream: Stream, suffix: str) -> str:
 
 
 def undecided_topics(column: str, canonical: str, topics: Sequence[str]) -> str:
-    """Why a column is missing that some topics may hold, and what to write into the rig file.
-
-    Args:
-        column: That a rig file names, or `canonical`.
-        canonical: What the column is used for.
-        topics: That may hold it.
-    """
+    """Why a column is missing that some topics may hold, and what to write into the rig file."""
     entry = f"columns: {{{canonical}: {topics[0].strip('/')}/{column}}}"
     if len(topics) == 1:
         return (

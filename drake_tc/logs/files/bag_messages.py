@@ -180,7 +180,7 @@ def _senders(stream: Stream) -> list[Stream]:
     one, two = (np.abs(some[k:] - some[:-k]).sum(axis=1) for k in (1, 2))
     if not 0.0 < float(np.median(two)) < TURNS * float(np.median(one)):
         return [stream]
-    last, parts = [table[0], table[1]], [replace(stream, **_nothing()), replace(stream, **_nothing())]
+    last, parts = [table[0], table[1]], [Stream(stream.topic, stream.kind, stream.names) for _ in range(2)]
     width, values = len(stream.names), stream.values
     for row in range(len(stream)):
         nearest = int(np.abs(table[row] - last[1]).sum() < np.abs(table[row] - last[0]).sum())
@@ -190,36 +190,27 @@ def _senders(stream: Stream) -> list[Stream]:
     return [replace(part, topic=f"{stream.topic}{SENDER}{number}") for number, part in enumerate(parts, 1)]
 
 
-def _nothing() -> dict[str, Any]:
-    return {"stamps": array("q"), "received": array("q"), "values": array("d")}
-
-
 def _is_command(topic: str) -> bool:
     """Whether a topic's name says that it holds commands."""
     return any(word in topic.lower() for word in COMMAND_WORDS)
 
 
-def place(topic: str, frame: str, generic: Sequence[str]) -> str:
-    """Name of a sensor from its topic, without words that every such topic has; else its frame, else "main".
+GENERIC = (
+    *("imu", "data", "raw", "sensor", "wrench", "ft", "force", "torque", "broadcaster", "filtered", "link", "frame"),
+)
+"""Words of topics and frames that name no sensor."""
 
-    Args:
-        topic: Such as "/torso/imu/data".
-        frame: `header.frame_id` of its messages.
-        generic: Words that name no sensor, such as "imu" and "data".
-    """
+
+def place(topic: str, frame: str) -> str:
+    """Name of a sensor from its topic such as "/torso/imu/data", without generic words; else its frame, else "main"."""
     for text in (topic, frame):
-        words = [word for word in text.replace("/", "_").lower().split("_") if word and word not in generic]
-        name = "_".join("".join(c for c in word if c.isalnum()) for word in words)
-        if name:
+        words = [word for word in text.replace("/", "_").lower().split("_") if word and word not in GENERIC]
+        if name := "_".join("".join(filter(str.isalnum, word)) for word in words):
             return name
     return "main"
 
 
 SECOND = 1_000_000_000
-GENERIC = (
-    *("imu", "data", "raw", "sensor", "wrench", "ft", "force", "torque", "broadcaster", "filtered", "link", "frame"),
-)
-"""Words of topics and frames that name no sensor."""
 
 
 class Row(NamedTuple):
@@ -274,18 +265,21 @@ STATE = ("position", "velocity", "effort")
 """Effort is no canonical column: drivers put currents, torques or load percentages there."""
 
 
+def _vectors(prefix: str, parts: Mapping[str, Any], message: Any) -> Iterator[Row]:
+    """The vectors of a sensor's message, by what stands before the axis in their names."""
+    names = tuple(f"{prefix}/{part}{axis}" for part in parts for axis in "xyz")
+    values = [float(getattr(vector, axis)) for vector in parts.values() for axis in "xyz"]
+    yield Row(Kind.measured, names, _stamp(message), values)
+
+
 def _imu(topic: str, message: Any) -> Iterator[Row]:
-    prefix = f"imu_{place(topic, message.header.frame_id, GENERIC)}"
-    axes = [(f"{prefix}/gyro_{axis}", getattr(message.angular_velocity, axis)) for axis in "xyz"]
-    axes += [(f"{prefix}/accel_{axis}", getattr(message.linear_acceleration, axis)) for axis in "xyz"]
-    yield Row(Kind.measured, tuple(name for name, _ in axes), _stamp(message), [float(value) for _, value in axes])
+    parts = {"gyro_": message.angular_velocity, "accel_": message.linear_acceleration}
+    return _vectors(f"imu_{place(topic, message.header.frame_id)}", parts, message)
 
 
 def _wrench(topic: str, message: Any) -> Iterator[Row]:
-    prefix = f"ft_{place(topic, message.header.frame_id, GENERIC)}"
-    axes = [(f"{prefix}/f{axis}", getattr(message.wrench.force, axis)) for axis in "xyz"]
-    axes += [(f"{prefix}/t{axis}", getattr(message.wrench.torque, axis)) for axis in "xyz"]
-    yield Row(Kind.measured, tuple(name for name, _ in axes), _stamp(message), [float(value) for _, value in axes])
+    parts = {"f": message.wrench.force, "t": message.wrench.torque}
+    return _vectors(f"ft_{place(topic, message.header.frame_id)}", parts, message)
 
 
 def _array(topic: str, message: Any) -> Iterator[Row]:

@@ -51,12 +51,7 @@ def source_of(path: Path) -> Source:
 
 
 def one_log(episodes: Mapping[int, pd.DataFrame], time: str, source: Source) -> pd.DataFrame:
-    """The table of one episode, or those of all after each other with gaps of the clock between.
-
-    Args:
-        episodes: By number, the tables with the same columns.
-        time: Name of their times [s].
-        source: Which of them.
+    """The table of one episode, by its number, or those of all after each other with gaps of the clock between.
 
     Raises:
         LogError: no episode of this number, or none at all.

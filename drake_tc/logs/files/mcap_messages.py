@@ -107,14 +107,7 @@ def _text(content: bytes, at: int) -> tuple[str, int]:
 
 
 def _decoder(encoding: str, name: str, schema: bytes, path: Path) -> Decoder | None:
-    """What reads the messages of a channel; None for other encodings.
-
-    Args:
-        encoding: Of the messages.
-        name: Of their type.
-        schema: For Protobuf, a FileDescriptorSet.
-        path: For messages.
-    """
+    """What reads the messages of a channel, for Protobuf by a FileDescriptorSet; None for other encodings."""
     if encoding == "json":
         return json.loads
     if encoding != "protobuf":

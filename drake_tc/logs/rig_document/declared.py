@@ -185,11 +185,6 @@ def joint_types(
 def require_own_unit(canonical: str, kind: JointType, units: Mapping[str, str | float]) -> None:
     """Refuse a recorded channel of a joint whose only unit is that of all joints of the other type.
 
-    Args:
-        canonical: Name of the channel.
-        kind: Type of its joint.
-        units: The key `units` of the rig file.
-
     Raises:
         ValueError: Begins with the key `units`.
     """
@@ -334,12 +329,7 @@ def declared_terms(rig: "Rig", path: Path, joints: Sequence[str] = ()) -> list[D
 
 
 def with_declared_file(rig: "Rig", path: Path, joints: Sequence[str] = ()) -> "Rig":
-    """The rig with what a file declares; what the rig itself says stays.
-
-    Args:
-        rig: As its own file has it.
-        path: See `declared_terms`.
-        joints: See `declared_terms`.
+    """The rig with what a file declares of these or all joints (`declared_terms`); what the rig itself says stays.
 
     Raises:
         RigError: see `declared_terms`.
