@@ -26,6 +26,12 @@ if TYPE_CHECKING:
 
 MJCF = (Target.mjcf, Target.playground, Target.newton)
 """Targets whose file is an MJCF file."""
+PROGRAMS = {
+    Target.isaaclab: "an Isaac Lab",
+    Target.isaaclab_bam: "an Isaac Lab",
+    Target.mjlab: "an mjlab",
+}
+"""Targets whose file is a program, into which nothing is merged, with the article of their names."""
 
 
 def export_command(options: ExportOptions) -> None:
@@ -74,6 +80,10 @@ def export_command(options: ExportOptions) -> None:
         raise ParamsError(f"export: {given_for} belongs to --ranges, which is missing")
     if to is Target.parquet:
         raise ParamsError("export --to parquet writes samples: add --ranges")
+    if into is not None and to in PROGRAMS:
+        raise ParamsError(
+            f"--into: {PROGRAMS[to]} configuration is a program; write a file and import ACTUATORS from it"
+        )
     read = load_model_file(options.model)
     models = _chosen(read.models, options.joint, options.model)
     remainders = {name: each for name, each in read.remainders.items() if name in models}
@@ -99,7 +109,7 @@ def export_command(options: ExportOptions) -> None:
             voltage_motor(projection, to.value)  # before the settings: of another drive they are no use
         settings = options.servo.settings()
         projections = [limited_by_supply(each, settings) for each in projections]
-        text = to_isaaclab_bam(projections, into, settings)
+        text = to_isaaclab_bam(projections, settings)
     else:
         text = _writer(to)(projections, into)
     text, of_links = with_links(text, "mjcf" if to in MJCF else to.value, into, read.shared, read.links)
@@ -166,11 +176,11 @@ def _writer(to: Target) -> "Callable[[Sequence[Projection], Path | None], str]":
         Target.mjcf: to_mjcf,
         Target.playground: to_mjcf,
         Target.newton: to_mjcf,
-        Target.mjlab: to_mjlab_actuators,
+        Target.mjlab: lambda projections, _into: to_mjlab_actuators(projections),
         Target.urdf: to_urdf,
         Target.drake_urdf: lambda projections, into: to_urdf(projections, into, drake=True),
         Target.sdf: to_sdf,
-        Target.isaaclab: to_isaaclab,
+        Target.isaaclab: lambda projections, _into: to_isaaclab(projections),
         Target.bam: to_bam,
     }[to]
 

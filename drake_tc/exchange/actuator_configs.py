@@ -62,7 +62,6 @@ import math
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 from drake_tc.config.joint_units import JointType, in_units_of
 from drake_tc.errors import ParamsError
@@ -73,37 +72,22 @@ from drake_tc.exchange.xml_text import number
 from drake_tc.simulator_files.terms import Terms
 
 
-def to_isaaclab(projections: Sequence[Projection], into: Path | None = None) -> str:
-    """The text of a Python module whose ACTUATORS goes into an ArticulationCfg.
-
-    Args:
-        projections: One a joint.
-        into: Not possible: a configuration is a program.
-
-    Raises:
-        ParamsError: `into` is given.
-    """
+def to_isaaclab(projections: Sequence[Projection]) -> str:
+    """The text of a Python module whose ACTUATORS goes into an ArticulationCfg."""
     names = {_kind(projection.terms) for projection in projections}
-    entries = [_entry(each.joint, each.terms, each.joint_type) for each in projections]
-    return _module("isaaclab", names, entries, into)
+    return _module("isaaclab", names, [_entry(each.joint, each.terms, each.joint_type) for each in projections])
 
 
 _MODULES = {
-    "isaaclab": ("an Isaac Lab", "isaaclab.actuators", "an ArticulationCfg", "{}"),
-    "mjlab": ("an mjlab", "mjlab.actuator", "an EntityArticulationInfoCfg", "()"),
+    "isaaclab": ("isaaclab.actuators", "an ArticulationCfg", "{}"),
+    "mjlab": ("mjlab.actuator", "an EntityArticulationInfoCfg", "()"),
 }
-"""Simulator with its article, module of its configurations, where ACTUATORS go, and the brackets around them."""
+"""Simulator to the module of its configurations, where ACTUATORS go, and the brackets around them."""
 
 
-def _module(simulator: str, names: Iterable[str], entries: Sequence[Sequence[str]], into: Path | None) -> str:
-    """The text of a Python module with ACTUATORS, which imports these configurations and has each joint's lines.
-
-    Raises:
-        ParamsError: `into` is given.
-    """
-    said, module, owner, brackets = _MODULES[simulator]
-    if into is not None:
-        raise ParamsError(f"--into: {said} configuration is a program; write a file and import ACTUATORS from it")
+def _module(simulator: str, names: Iterable[str], entries: Sequence[Sequence[str]]) -> str:
+    """The text of a Python module with ACTUATORS, which imports these configurations and has each joint's lines."""
+    module, owner, brackets = _MODULES[simulator]
     lines = [
         f'"""Actuators identified by drake-tc: actuators=ACTUATORS in {owner}."""',
         "",
@@ -204,19 +188,14 @@ def limited_by_supply(projection: Projection, settings: ServoSettings) -> Projec
     return replace(projection, losses=(*projection.losses, lost))
 
 
-def to_isaaclab_bam(projections: Sequence[Projection], into: Path | None, settings: ServoSettings) -> str:
-    """The text of a Python module whose ACTUATORS goes into an ArticulationCfg.
-
-    Args:
-        projections: One a joint, each on a voltage and with a torque constant (`with_torque_constant`).
-        into: Not possible: a configuration is a program.
-        settings: Of all servos.
+def to_isaaclab_bam(projections: Sequence[Projection], settings: ServoSettings) -> str:
+    """The text of a Python module whose ACTUATORS goes into an ArticulationCfg, with the settings of all servos.
 
     Raises:
-        ParamsError: `into` is given, another drive than a voltage, or no torque constant.
+        ParamsError: another drive than a voltage, or no torque constant (`with_torque_constant`).
     """
     entries = [_bam_entry(projection, settings) for projection in projections]
-    return _module("isaaclab", ("BamActuatorCfg", "BamMotorCfg"), entries, into)
+    return _module("isaaclab", ("BamActuatorCfg", "BamMotorCfg"), entries)
 
 
 def _bam_entry(projection: Projection, settings: ServoSettings) -> list[str]:
@@ -256,18 +235,10 @@ NO_LIMIT = 1e6
 """Limit of a command of a motor that has none: the configuration needs a number."""
 
 
-def to_mjlab_actuators(projections: Sequence[Projection], into: Path | None = None) -> str:
-    """The text of a Python module whose ACTUATORS go into an EntityArticulationInfoCfg.
-
-    Args:
-        projections: One a joint.
-        into: Not possible: a configuration is a program.
-
-    Raises:
-        ParamsError: `into` is given.
-    """
+def to_mjlab_actuators(projections: Sequence[Projection]) -> str:
+    """The text of a Python module whose ACTUATORS go into an EntityArticulationInfoCfg."""
     names = {name for each in projections for name in _names(each.terms)}
-    return _module("mjlab", names, [_mjlab_entry(each) for each in projections], into)
+    return _module("mjlab", names, [_mjlab_entry(each) for each in projections])
 
 
 def _names(terms: Terms) -> tuple[str, ...]:

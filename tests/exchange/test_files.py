@@ -425,6 +425,13 @@ def test_the_command(tmp_path, capsys):
     assert yaml.safe_load(path.read_text())["joints"]["knee"]
 
 
+@pytest.mark.parametrize("to", ["isaaclab", "isaaclab-bam", "mjlab"])
+def test_nothing_is_merged_into_a_program(tmp_path, capsys, to):
+    save_models({"knee": MODEL}, tmp_path / "model.yaml")
+    assert run(["export", str(tmp_path / "model.yaml"), "--to", to, "--into", str(tmp_path / "robot.py")]) == 2
+    assert "configuration is a program; write a file and import ACTUATORS" in capsys.readouterr().err
+
+
 def test_a_written_file_that_drake_refuses_is_named(tmp_path, capsys):
     save_models({"knee": MODEL}, tmp_path / "model.yaml")
     text = UNDECLARED.replace("<type>transmission_interface/SimpleTransmission</type>", "")

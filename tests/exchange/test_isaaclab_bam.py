@@ -30,7 +30,7 @@ SERVO = (
 def configured(*effects, name="knee", torque_constant=1.2):
     """The joint's BamActuatorCfg, with its BamMotorCfg under `motor`."""
     projection = project(ActuatorModel(name, Drive("voltage", 2.0), effects), TARGETS["isaaclab-bam"])
-    text = to_isaaclab_bam([with_torque_constant(projection, torque_constant, TARGETS["isaaclab-bam"])], None, SETTINGS)
+    text = to_isaaclab_bam([with_torque_constant(projection, torque_constant, TARGETS["isaaclab-bam"])], SETTINGS)
     return actuators(text)[name], projection
 
 
@@ -92,10 +92,10 @@ def test_a_delay_is_of_whole_physics_steps():
 def test_what_it_cannot_be_made_of_is_refused():
     servo = ActuatorModel("knee", Drive("position_servo", 2e-4), (VISCOUS,))
     with pytest.raises(ParamsError, match="isaaclab-bam: BAM's servo is driven by a voltage"):
-        to_isaaclab_bam([project(servo, TARGETS["isaaclab-bam"])], None, SETTINGS)
+        to_isaaclab_bam([project(servo, TARGETS["isaaclab-bam"])], SETTINGS)
     voltage = ActuatorModel("knee", Drive("voltage", 2.0), (VISCOUS,))
     with pytest.raises(ParamsError, match="--torque-constant KT"):
-        to_isaaclab_bam([project(voltage, TARGETS["isaaclab-bam"])], None, SETTINGS)
+        to_isaaclab_bam([project(voltage, TARGETS["isaaclab-bam"])], SETTINGS)
     for wrong in (0.0, -1.0, float("nan"), float("inf")):
         with pytest.raises(ParamsError, match=r"--supply-voltage: expected a positive number \[V\]"):
             ServoSettings(wrong, 40.0)

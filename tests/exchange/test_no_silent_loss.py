@@ -29,7 +29,7 @@ WRITERS = {
     "drake-urdf": lambda projections: to_urdf(projections, drake=True),
     "sdf": to_sdf,
     "isaaclab": to_isaaclab,
-    "isaaclab-bam": lambda projections: to_isaaclab_bam(projections, None, SETTINGS),
+    "isaaclab-bam": lambda projections: to_isaaclab_bam(projections, SETTINGS),
     "bam": to_bam,
 }
 ON_A_VOLTAGE = ("isaaclab-bam", "bam")

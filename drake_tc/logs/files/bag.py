@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import IO, Any
+from typing import Any
 
 import pandas as pd
 
@@ -67,9 +67,9 @@ def _whole_part(path: Path, to: Path) -> Path:
 
 def _of_mcap(path: Path, to: Path) -> Path:
     """All records that are whole, those in a chunk that is cut included, and a footer without an index."""
-    size = path.stat().st_size
-    with path.open("rb") as file, to.open("wb") as mended:
-        end, opcode = len(MAGIC), 0
+    shutil.copyfile(path, to)
+    size, end, opcode = path.stat().st_size, len(MAGIC), 0
+    with to.open("r+b") as file:
         file.seek(end)
         while len(head := file.read(9)) == 9:
             opcode, length = head[0], struct.unpack("<Q", head[1:])[0]
@@ -77,20 +77,13 @@ def _of_mcap(path: Path, to: Path) -> Path:
                 break
             end = file.seek(end + 9 + length)
         file.seek(end)
-        rest = file.read(size - end) if opcode == CHUNK else b""
-        file.seek(0)
-        _copy(file, mended, end)
+        rest = file.read() if opcode == CHUNK else b""
+        file.truncate(file.seek(end))
         for kind, content in records(unpacked(rest[9:])):
             if kind in (SCHEMA, CHANNEL, MESSAGE):
-                mended.write(struct.pack("<BQ", kind, len(content)) + content)
-        mended.write(struct.pack("<BQQQI", FOOTER, 20, 0, 0, 0) + MAGIC)
+                file.write(struct.pack("<BQ", kind, len(content)) + content)
+        file.write(struct.pack("<BQQQI", FOOTER, 20, 0, 0, 0) + MAGIC)
     return to
-
-
-def _copy(file: IO[bytes], to: IO[bytes], size: int) -> None:
-    while size > 0 and (part := file.read(min(size, 2**24))):
-        to.write(part)
-        size -= len(part)
 
 
 def unpacked(chunk: bytes) -> bytes:
@@ -323,38 +316,20 @@ def _told_of_files(path: Path) -> list[str]:
 def _opened(path: Path) -> Iterator[Any]:
     """The reader of a bag, or of what is whole in one that is cut; whatever goes wrong with the bag is one line."""
     try:
-        files = _files(path)
-        if not any(is_cut(file) for file in files):
-            with _reader(path, path if (path / METADATA).is_file() or not is_folder(path) else files[0]) as reader:
-                yield reader
-            return
-        with TemporaryDirectory() as folder, _reader(path, _whole_bag(path, files, Path(folder))) as reader:
-            yield reader
-    except (OSError, sqlite3.Error) as error:
-        raise LogError(f"{path}: cannot be read as a ROS bag: {_text_of(error)}{_remedy(_text_of(error))}") from None
-
-
-@contextmanager
-def _reader(path: Path, file: Path) -> Iterator[Any]:
-    """The reader of the bag `file`; messages name `path`."""
-    try:
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
     except ModuleNotFoundError:
         raise LogError(f"{path}: reading a ROS bag needs the package rosbags: pip install 'drake-tc[bags]'") from None
     try:
-        with AnyReader([file], default_typestore=get_typestore(Stores.LATEST)) as reader:
-            yield reader
+        files = _files(path)
+        alone = is_folder(path) and not (path / METADATA).is_file()
+        with TemporaryDirectory() as folder:
+            whole = _whole_bag(path, files, Path(folder)) if any(map(is_cut, files)) else files[0] if alone else path
+            with AnyReader([whole], default_typestore=get_typestore(Stores.LATEST)) as reader:
+                yield reader
     except LogError:
         raise
     except Exception as error:  # the reader's own errors, those of its decompressors and of the system
-        reason = _text_of(error)
-        raise LogError(f"{path}: cannot be read as a ROS bag: {reason}{_remedy(reason)}") from error
-
-
-def _text_of(error: Exception) -> str:
-    return (" ".join(str(error).split()) or type(error).__name__)[:200].rstrip(".")
-
-
-def _remedy(reason: str) -> str:
-    return next((text for part, text in REMEDIES.items() if part in reason), "")
+        reason = (" ".join(str(error).split()) or type(error).__name__)[:200].rstrip(".")
+        remedy = next((text for part, text in REMEDIES.items() if part in reason), "")
+        raise LogError(f"{path}: cannot be read as a ROS bag: {reason}{remedy}") from error
