@@ -135,18 +135,14 @@ def _spring(joint: MjcfJoint) -> float:
     return 0.0 if any(stiffness[1:]) or any(joint.numbers("frictionloss")) else stiffness[0]
 
 
-def mjcf_joints(root: ET.Element, path: Path | None = None) -> dict[str, ReadJoint]:
-    """What the file says of each named hinge or slide, by name.
-
-    Args:
-        root: `<mujoco>`.
-        path: Of the file, from which its includes are found; None: it has none.
+def mjcf_joints(root: ET.Element, path: Path) -> dict[str, ReadJoint]:
+    """What the file says of each named hinge or slide, by name; its includes are found from its path.
 
     Raises:
         ValueError: an attribute that is no number, an include that is not there, or an element that makes joints from
             other files; names element and line.
     """
-    root = root if path is None else with_includes(root, path)
+    root = with_includes(root, path)
     for tag in ("attach", "replicate"):
         for each in root.iter(tag):
             if tag == "attach" or each.find(".//joint") is not None:
@@ -533,10 +529,10 @@ class _Compiled:
         return float(self.model.jnt_stiffness[at.id]), float(self.model.dof_damping[at.dofadr[0]]), rest
 
 
-def _compiled_by_mujoco(joints: Mapping[str, MjcfJoint], path: Path | None) -> _Compiled | None:
+def _compiled_by_mujoco(joints: Mapping[str, MjcfJoint], path: Path) -> _Compiled | None:
     """The compiled file where a term needs it; None where none does, or MuJoCo cannot load the file."""
     ratios = any(each.damping_ratio for joint in joints.values() for each in joint.actuators)
-    if path is None or not (ratios or any(any(joint.numbers("springdamper")) for joint in joints.values())):
+    if not ratios and not any(any(joint.numbers("springdamper")) for joint in joints.values()):
         return None
     try:
         return _Compiled(path)

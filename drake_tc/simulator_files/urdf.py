@@ -237,21 +237,18 @@ LINK_USUAL: Mapping[str, tuple[str, ...]] = MappingProxyType(
 """Tags of a link that act on the joints that carry it, unless they say this."""
 
 
-def sdf_joints(root: ET.Element, path: Path | None = None) -> dict[str, ReadJoint]:
-    """What the file says of each moving joint, by name.
+def sdf_joints(root: ET.Element, path: Path, around: tuple[Path, ...] = ()) -> dict[str, ReadJoint]:
+    """What the file says of each moving joint, by name; its includes are found from its path.
 
     Args:
         root: `<sdf>`.
-        path: Of the file, from which its includes are found; None: it has none.
+        path: Of the file.
+        around: Of the files that include it.
 
     Raises:
         ValueError: a content or an attribute that is no number, a joint that is there twice, or an include that cannot
             be followed where there are no other joints; names element and line.
     """
-    return _sdf_joints(root, path, (path.resolve(),) if path else ())
-
-
-def _sdf_joints(root: ET.Element, path: Path | None, inside: tuple[Path, ...]) -> dict[str, ReadJoint]:
     found: dict[str, ReadJoint] = {}
 
     def add(name: str, joint: ReadJoint, where: ET.Element) -> None:
@@ -282,10 +279,10 @@ def _sdf_joints(root: ET.Element, path: Path | None, inside: tuple[Path, ...]) -
     unknown = []
     for include in root.iter("include"):
         uri = (include.findtext("uri") or "").strip()
-        file = None if path is None else _model_file(uri, path.parent)
+        file = _model_file(uri, path.parent)
         if file is None:
             unknown.append(f"{place(include)}: {uri!r}: no such file or model")
-        for name, read in {} if file is None else _included(include, file, inside).items():
+        for name, read in {} if file is None else _included(include, file, (*around, path.resolve())).items():
             add(name, read, include)
     if unknown and not found:
         raise ValueError(f"{unknown[0]}; name the file of the model itself")
@@ -307,7 +304,7 @@ def _included(include: ET.Element, found: Path, inside: tuple[Path, ...]) -> dic
     if root.tag not in ("sdf", "robot"):
         raise ValueError(f"{place(include)}: {found}: expected <sdf> or <robot>, got <{root.tag}>")
     try:
-        return urdf_joints(root) if root.tag == "robot" else _sdf_joints(root, found, (*inside, found.resolve()))
+        return urdf_joints(root) if root.tag == "robot" else sdf_joints(root, found, inside)
     except ValueError as problem:
         raise ValueError(f"{found.name}: {problem}") from None
 
