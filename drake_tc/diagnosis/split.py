@@ -122,7 +122,7 @@ class Split:
         out = self._arrived_at_ages([t for t in acting if not is_filter(t)], [c for c in late if c != "torque"])
         for term in acting:
             if is_filter(term):
-                out = out - self._offset(term)
+                out = out - self._offset(term, stand)
         if "torque" in late:
             out = out - self.samples.reduce(_inside(self._change_at_age("torque"), self.samples))
         out = out + sum(self.ages[channel] * self.reduced_slope(channel) for channel in late)
@@ -161,7 +161,21 @@ class Split:
     def slope_of(self, channel: str) -> FloatArray:
         """(T,) df/da at the age at which the channel is linearised, after the drive effects of the fit."""
         slope = self.channels[channel].slope(self.samples, self.ages.get(channel, 0.0))
-        return self._acted(slope if channel == "torque" else self._passed_on(slope))
+        needed = channel == "torque"
+        return self._acted(self._filtered(slope if needed else self._passed_on(slope), needed=needed))
+
+    def _filtered(self, change: FloatArray, *, needed: bool) -> FloatArray:
+        """(T,) what filters of the fit make in the balance of a small change (T,) of the acting or the needed effort.
+
+        A filter T acts on l * u and its inverse on (1 - l) * w, see `_change`: behind a lag, an older effort differs by
+        the lagged slope.
+        """
+        out = change
+        for term in drives(self.fit[0]):
+            if is_filter(term) and cast(DriveEffect, term.effect).filters:
+                made = self.clean.samples.by_segment(term.effect, term.shape, change, undo=needed) - change
+                out = out + (made - self._followed(made) if needed else self._followed(made))
+        return out
 
     def _passed_on(self, change: FloatArray) -> FloatArray:
         """(T,) what the drive effects of the fit that are no filters, at its ages, pass on of a small change (T,)."""
@@ -187,7 +201,7 @@ class Split:
         change = np.zeros(len(self.samples.signals))
         for term in drives(self.fit[0]):
             if is_filter(term):
-                change = change + self._change(term)
+                change = change + self._change(term, stand)
         for channel in stand & self.ages.keys():
             change = change + _inside(self.channels[channel].change(self.samples, self.ages[channel]), self.samples)
         return self.samples.reduce(self._acted(change) - change)
@@ -268,15 +282,18 @@ class Split:
     def _kept(self) -> dict[tuple[object, ...], Any]:
         return {}
 
-    def _offset(self, term: Term) -> FloatArray:
+    def _offset(self, term: Term, stand: frozenset[str]) -> FloatArray:
         """(N,) what a filter T changes in the balance."""
-        if term.cache_key not in self._kept:
-            self._kept[term.cache_key] = self.samples.reduce(self._acted(self._change(term)))
-        return np.asarray(self._kept[term.cache_key])
+        key = (*term.cache_key, stand)
+        if key not in self._kept:
+            self._kept[key] = self.samples.reduce(self._acted(self._change(term, stand)))
+        return np.asarray(self._kept[key])
 
-    def _change(self, term: Term) -> FloatArray:
-        """(T,) l * (u - T(u)) + (1 - l) * (T^-1(w) - w) of a filter T."""
+    def _change(self, term: Term, stand: frozenset[str]) -> FloatArray:
+        """(T,) l * (u - T(u)) + (1 - l) * (T^-1(w) - w) of a filter T, u at the ages but those of channels `stand`."""
         u, w = self.arrived, self.needed
+        if aged := [channel for channel in self.ages if channel not in stand | {"torque"}]:
+            u = self.recorded.acting_effort(behind(self.fit[0]), -sum(map(self._change_at_age, aged)))
         act = partial(self.clean.samples.by_segment, term.effect, term.shape)
         needed, late = act(w, undo=True) - w, u - act(u)
         if cast(DriveEffect, term.effect).acts_on == "command":

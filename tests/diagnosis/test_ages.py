@@ -1,6 +1,7 @@
 """Ages of channels, against logs whose channels are late in closed form, and against fits with other priors."""
 
 from dataclasses import replace
+from functools import partial
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -10,7 +11,7 @@ from scipy.integrate import quad
 from scipy.stats import norm
 
 from drake_tc.diagnosis.ages import truncated, with_uncertain_ages
-from drake_tc.diagnosis.data.samples import rms
+from drake_tc.diagnosis.data.samples import Samples, rms
 from drake_tc.diagnosis.diagnose import joint_model
 from drake_tc.diagnosis.evidence import Evidence, Scored
 from drake_tc.diagnosis.linear import Posterior
@@ -20,6 +21,7 @@ from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.diagnosis.problem.prepared import prepare_joint
 from drake_tc.diagnosis.search import equally_noisy
 from drake_tc.diagnosis.split import with_needed
+from drake_tc.effects.current_lag import CurrentLag
 from drake_tc.effects.delay import Delay, shift
 from drake_tc.effects.saturation import Saturation
 from tests.diagnosis.rigs import Joint, motion, record, rig_of
@@ -90,6 +92,33 @@ def test_a_late_command_comes_before_the_limit_of_the_drive(age: float) -> None:
     assert np.mean(np.abs(split.reduced_slope("inside")) < 1e-12) > 0.1, "rows in the limit know no age"
     assert rms((at[0] - at[1]) / 1e-5 - column) < 0.02 * rms(column)
     assert rms(split.target(terms) - age * column - at[0]) < 1e-3 * age * rms(column) + 1e-12
+
+
+@pytest.mark.parametrize(("channel", "age"), [("effort", 0.0), ("effort", 3e-3), ("torque", 0.0)])
+def test_an_age_acts_behind_the_lag_of_the_drive(channel: str, age: float) -> None:
+    """The lag acts on an exact effort at its age, and its inverse on what a load at its age needs of a noisy effort."""
+    joint, exact = replace(SERVO, drive="current", gain=0.08), channel == "effort"
+    runs = [record(joint, name, turn, seed) for name, turn, seed in (("run0", 0.0, 0), ("run1", 0.4, 1))]
+    model = joint_model(prepare_joint(runs, runs[1:], rig_of(joint), "joint"))
+    lag = Term(CurrentLag(), {"lag": 8e-3})
+    terms, beta = [*model.declared, lag], np.array([1.0 / joint.gain, joint.viscous, joint.coulomb])
+    ages, shares = ({channel: age} if age else {}), (np.array([float(exact)]), np.zeros(1))
+    split = with_needed(model.train.recorded, terms, beta, measured=True, ages=ages, shares=shares)
+    samples, at = split.samples, list[np.ndarray]()
+    through = partial(samples.by_segment, lag.effect, lag.shape)
+    for a in (age, age + 1e-5):
+        if exact:
+            at.append(samples.reduce(through(by(samples.signals.effort, a, samples))))
+        else:
+            at.append(samples.reduce(-through(joint.gain * by(samples.signals.slow_torque, a, samples), undo=True)))
+    column = split.age_columns([channel], joint.viscous)[:, 0]
+    assert rms((at[0] - at[1]) / 1e-5 - column) < 0.02 * rms(column)
+    assert not exact or rms(split.target(terms) - age * column - at[0]) < 1e-3 * age * rms(column) + 1e-12
+
+
+def by(values: np.ndarray, seconds: float, samples: Samples) -> np.ndarray:
+    """Values (T,) that many seconds later, stretch by stretch."""
+    return np.concatenate([shift(values[s], -seconds / samples.signals.period) for s in samples.segments])
 
 
 def averaged(joint: Joint, channel: str) -> tuple[np.ndarray, np.ndarray, JointModel]:
