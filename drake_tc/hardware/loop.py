@@ -303,14 +303,17 @@ class RealTimeLoop:
 
     def _wait(self, tick: _Tick) -> bool:
         """Whether readings were sound for `arm_time` within `patience`, before a stop."""
-        start, period, sound = self._clock.now(), self._joints.period, 0.0
-        for number in range(round(self._spec.patience / period) + 1):
-            self._clock.wait_until(start + number * period)
-            self._read(tick)
+        start, period, first = self._clock.now(), self._joints.period, None
+        due, passed = start, 0
+        while due - start <= self._spec.patience:
+            self._clock.wait_until(due)
+            self._read(tick, 1 + passed)
             if self._asked_to_stop(tick):
                 return False
-            sound = sound + period if self._sound(tick) else 0.0
-            if sound >= self._spec.arm_time:
+            first = (due if first is None else first) if self._sound(tick) else None
+            passed = int((self._clock.now() - due) / period)
+            due += (1 + passed) * period
+            if first is not None and due - first >= self._spec.arm_time - 0.5 * period:
                 tick.counts.late = tick.counts.missing = 0  # of the time before the first command
                 return True
         return False
@@ -328,29 +331,33 @@ class RealTimeLoop:
         period, counts = self._joints.period, tick.counts
         state, after = self._guard.initial(), self._guard.initial()
         due, passed, left, slip = begin, 0, None, period
+        most = round(self._spec.stop_time / period)
         while left is None or left > 0.0:
             self._clock.wait_until(due)
             start = self._clock.now()
             before = tick.readings.values
-            self._read(tick)
-            for made_up in tick.readings.between(before, passed, min(passed, MADE_UP)) if passed else ():
-                self._command(tick, made_up)
+            self._read(tick, 1 + passed)
+            stopping = left is not None
+            if passed and not stopping:
+                for made_up in tick.readings.between(before, min(passed, MADE_UP)):
+                    self._command(tick, made_up)
             if self._ending is None and start - begin >= duration - 0.5 * period:
                 self.stop("duration")
             if left is None and self._asked_to_stop(tick):
                 left = self._spec.stop_time
             fault = left is not None or passed * period > self._spec.max_age
             command = self._command(tick, tick.readings.values)
-            self._guard.step(state, command, self._where(tick), float(fault), after)
-            state, after = after, state
+            for _ in range(1 + min(passed, most) if stopping else 1):  # hold and damp last as long by the clock
+                self._guard.step(state, command, self._where(tick), float(fault), after)
+                state, after = after, state
             mode = max(float(state[3 * self._n]), tick.inner if tick.inner >= GuardMode.HOLD else 0.0)
             counts.held += int(mode >= GuardMode.HOLD)
             self._write(tick, state[: self._n].copy(), mode)
             done = self._clock.now()
             times[counts.ticks % KEPT] = start - due, done - start
             counts.ticks += 1
-            left = None if left is None else left - period
             passed = int((done - due) / period)
+            left = None if left is None else left - (1 + passed) * period
             counts.missed += passed > 0
             counts.skipped += passed
             moved = min(SLIP * period, slip) if tick.readings.late else 0.0
@@ -366,15 +373,15 @@ class RealTimeLoop:
             self._told(tick, error)
         return self._ending is not None
 
-    def _read(self, tick: _Tick) -> None:
-        """The newest readings, or those of the last tick, or none."""
+    def _read(self, tick: _Tick, elapsed: int) -> None:
+        """The newest readings, or those of the last tick, `elapsed` periods ago, or none."""
         found: Message | None = None
         try:
             found = self._link.read()
         except Exception as error:
             tick.counts.link_errors += 1
             self._told(tick, error)
-        arrival = tick.readings.update(found)
+        arrival = tick.readings.update(found, elapsed)
         if arrival != "new":
             setattr(tick.counts, arrival, getattr(tick.counts, arrival) + 1)
 

@@ -160,43 +160,42 @@ class LatestReadings:
         """Whether all are known, and not too old."""
         return self.age <= self._max_age and all(np.isfinite(value).all() for value in self.values.values())
 
-    def update(self, found: Message | None) -> Arrival:
+    def update(self, found: Message | None, elapsed: int = 1) -> Arrival:
         """The readings of the next tick.
 
         Args:
             found: What has come in; None: nothing.
+            elapsed: Periods since the tick before, more than one where ticks were left out.
         """
         name = self.position
         if found is not None:
             new, whole = self._checked(found)
             if name is not None:
                 known = np.isfinite(new[name]) & np.isfinite(self._newest)
-                way = (np.where(known, new[name], 0.0) - np.where(known, self._newest, 0.0)) / (self._ticks + 1)
+                way = (np.where(known, new[name], 0.0) - np.where(known, self._newest, 0.0)) / (self._ticks + elapsed)
                 self._speed, self._way = 0.5 * (way + self._way), way
                 self._newest, self._ticks = new[name], 0
             self.age, self.values = 0.0, new
             return "new" if whole else "malformed"
-        self.age += self._period
-        self._ticks += 1
+        self.age += elapsed * self._period
+        self._ticks += elapsed
         if not self.late:
             self.values = dict(self._nothing)
             return "missing"
         if name is not None:
-            self.values = self.values | {name: self.values[name] + self._speed}
+            self.values = self.values | {name: self.values[name] + elapsed * self._speed}
         return "late"
 
-    def between(self, before: Mapping[str, FloatArray], skipped: int, count: int) -> list[dict[str, FloatArray]]:
+    def between(self, before: Mapping[str, FloatArray], count: int) -> list[dict[str, FloatArray]]:
         """Readings for `count` ticks between those before and those now, positions on a straight line.
 
         Args:
             before: The readings of the tick before.
-            skipped: How many ticks passed in between.
-            count: How many of them are made up.
+            count: How many of those that passed in between are made up.
         """
         name, now = self.position, self.values
         if name is None:
             return [now] * count
-        self._speed, self._way = self._speed / (skipped + 1), self._way / (skipped + 1)
         shares = np.arange(1, count + 1) / (count + 1)
         return [now | {name: (1.0 - share) * before[name] + share * now[name]} for share in shares]
 

@@ -338,3 +338,32 @@ def test_a_simulated_robot_may_slide(tmp_path):
         rail.advance(np.array([0.304]))
     expected = 0.304 - 0.004 * np.cos(np.sqrt(1e4 / 5.0) * 0.06)
     assert abs(rail.read()["position"][0] - expected) < 2e-4
+
+
+@pytest.mark.parametrize("work", [4e-4, 2.5e-3, 2.05e-2])
+def test_a_controller_that_is_too_slow_is_stopped_in_the_same_time(work):
+    """Hold and damping last as long by the clock, whatever a tick takes."""
+    spec = RealTimeSpec(arm_time=0.0, stop_time=0.3, guard=GuardSpec(start_time=0.0))
+    report, rig, _ = run(0.0, jumps=dict.fromkeys(range(2000), work), spec=spec)
+    assert abs(report.seconds - spec.stop_time) <= work + DT
+    assert rig.modes[-1] == GuardMode.DAMP
+
+
+def test_a_driver_that_takes_long_does_not_lengthen_the_patience():
+    clock = Steps()
+
+    def read():
+        clock.time += 0.05
+
+    spec = RealTimeSpec(patience=0.5, guard=QUICK.guard)
+    report = RealTimeLoop(controller(), CallbackLink(read, lambda command: None), spec, clock).run(0.2)
+    assert report.ended == "no readings"
+    assert report.seconds <= 0.6
+
+
+def test_readings_age_by_the_clock():
+    """Ticks of five periods each: a reading of one tick before is 5 ms old and stands in, one of two before does not."""
+    jumps = dict.fromkeys(range(50, 70), 4.5e-3)
+    faults = dict.fromkeys(range(55, 57), lambda readings: None)
+    report, _, _ = run(0.2, faults, jumps)
+    assert (report.counts.late, report.counts.missing) == (1, 1)
