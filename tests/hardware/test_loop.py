@@ -362,7 +362,7 @@ def test_a_driver_that_takes_long_does_not_lengthen_the_patience():
 
 
 def test_readings_age_by_the_clock():
-    """Ticks of five periods each: a reading of one tick before is 5 ms old and stands in, one of two before does not."""
+    """Ticks of five periods each: a reading of one tick before, 5 ms old, stands in, one of two does not."""
     jumps = dict.fromkeys(range(50, 70), 4.5e-3)
     faults = dict.fromkeys(range(55, 57), lambda readings: None)
     report, _, _ = run(0.2, faults, jumps)
