@@ -5,7 +5,6 @@ command (`ActuatorPlant` feeds through); here, as on a robot, they feel that of 
 called before `read`. `serve` runs it against wall-clock time at the robot's end of LCM.
 """
 
-import signal
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,7 +16,7 @@ from pydrake.systems.primitives import PassThrough
 from drake_tc.actuation.joint_effects import Models, model_list
 from drake_tc.actuation.wiring import add_actuators
 from drake_tc.hardware.lcm_link import URL, LcmRobot
-from drake_tc.hardware.link import Message, WallClock, real_time_priority
+from drake_tc.hardware.link import Message, WallClock, real_time_priority, stopping_signals
 from drake_tc.loops.built_loop import add_input
 from drake_tc.loops.fused import fuse
 from drake_tc.loops.plant import add_robot_plant
@@ -30,7 +29,8 @@ from drake_tc.types import FloatArray
 LAG = 0.1
 """A simulated robot that is later than this lets its time stand still; what is less it catches up [s]."""
 WATCHDOG = 0.1
-"""A simulated robot whose commands are older than this holds the positions that it has then [s]."""
+"""A simulated robot whose commands are older than this rests: servos hold the positions that they have then, and other
+drives are switched off [s]."""
 
 
 class SimulatedRobot:
@@ -75,19 +75,24 @@ class SimulatedRobot:
         fuse(builder)
         for name, block in blocks.items():
             builder.ExportOutput(block.get_output_port(), name)
+        self._servo = np.array([drives[joint].drive.kind == "position_servo" for joint in robot.joints])
         self.period, self.joints, self._diagram = spec.dt, n, builder.Build()
         self._ports: dict[str, Any] = {name: self._diagram.GetOutputPort(name) for name in blocks}
         self.outputs = {name: int(port.size()) for name, port in self._ports.items()}
         self._simulator = Simulator(self._diagram)
         self._context: Any = self._simulator.get_mutable_context()
         self._command: Any = self._diagram.GetInputPort("command")
-        self.apply(robot.posture)
+        self.apply(self.at_rest(robot.posture))
         self._simulator.Initialize()
         self._ticks = 0
 
     def read(self) -> dict[str, FloatArray]:
         """The readings of this tick, by port."""
         return {name: np.array(port.Eval(self._context)) for name, port in self._ports.items()}
+
+    def at_rest(self, position: FloatArray) -> FloatArray:
+        """(n,) command of drives that nobody commands: servos hold `position` (n,), other drives get 0."""
+        return np.where(self._servo, position, 0.0)
 
     def apply(self, command: FloatArray) -> None:
         """Give the drives a command, without moving on.
@@ -160,16 +165,14 @@ def serve(robot: SimulatedRobot, url: str = URL, duration: float = np.inf, prior
     Raises:
         ParamsError: a URL of another kind, or a priority that the process may not have.
     """
-    with real_time_priority(priority):
-        return _served(robot, LcmRobot(robot.outputs, robot.joints, url), duration)
+    ended: list[bool] = []
+    with real_time_priority(priority), stopping_signals(lambda: ended.append(True)):
+        return _served(robot, LcmRobot(robot.outputs, robot.joints, url), duration, ended)
 
 
-def _served(robot: SimulatedRobot, bus: LcmRobot, duration: float) -> Served:
+def _served(robot: SimulatedRobot, bus: LcmRobot, duration: float, ended: list[bool]) -> Served:
     readings, clock, served = robot.read(), WallClock(), Served()
-    ended: list[int] = []
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda number, frame: ended.append(number))
-    command, age, due = readings["position"], 0.0, clock.now()
+    command, age, due = robot.at_rest(readings["position"]), 0.0, clock.now()
     end = due + duration
     while not ended and due < end:
         clock.wait_until(due)
@@ -179,7 +182,7 @@ def _served(robot: SimulatedRobot, bus: LcmRobot, duration: float) -> Served:
             command = found["command"]
             served.commands += 1
         elif abs(age - WATCHDOG) < 0.5 * robot.period:
-            command = readings["position"]
+            command = robot.at_rest(readings["position"])
         robot.advance(command)
         readings = robot.read()
         bus.send(readings)

@@ -19,7 +19,7 @@ from drake_tc.diagrams.hardware_loop import ROBOT, SPEC, SWING, TIMES, robot
 from drake_tc.errors import ParamsError
 from drake_tc.hardware.link import CallbackLink
 from drake_tc.hardware.loop import RealTimeLoop, RealTimeSpec
-from drake_tc.hardware.simulated_robot import SimulatedRobot
+from drake_tc.hardware.simulated_robot import SimulatedRobot, serve
 from drake_tc.hardware.stepper import ControllerStepper
 from drake_tc.loops.plant import add_robot_plant
 from drake_tc.loops.torque.wiring import add_torque_loop, torque_controller
@@ -338,6 +338,16 @@ def test_a_simulated_robot_may_slide(tmp_path):
         rail.advance(np.array([0.304]))
     expected = 0.304 - 0.004 * np.cos(np.sqrt(1e4 / 5.0) * 0.06)
     assert abs(rail.read()["position"][0] - expected) < 2e-4
+
+
+def test_a_simulated_robot_without_commands_is_switched_off_where_its_drives_are_no_servos(tmp_path):
+    """A posture is no torque: 2 rad are not 2 N m."""
+    text = urdf(link_tag("wheel", (0, 0, 0), 1.0, (0.1, 0.1, 0.1)), joint_tag("x", "base", "wheel", axis=(0, 0, 1)))
+    described = load_robot(write_robot(tmp_path, text, ["x"], posture={"x": 2.0}))
+    wheel = SimulatedRobot(described, [ActuatorModel("x", Drive("torque", 1.0), ())])
+    served = serve(wheel, "memq://", 0.15)
+    assert served.commands == 0
+    assert abs(wheel.read()["position"][0] - 2.0) < 1e-3
 
 
 @pytest.mark.parametrize("work", [4e-4, 2.5e-3, 2.05e-2])
