@@ -5,7 +5,7 @@ The law of the CommandGuard: bumpless start, limits, hold, damp; one tick as a p
 `SensorLossStop`: a joint has lost two of its three sensors for good; torques fade, and the motors brake the fall.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, fields, replace
 from enum import IntEnum
 from typing import Any
@@ -23,6 +23,12 @@ from drake_tc.types import BoolArray, Call, FloatArray
 _STEP = Kernel("guard", "step")
 OFFSET = 0.2
 """Of a servo's command from its joint where nothing is known of the drives [rad]."""
+RATE = 20.0
+"""Of a servo's command where no other rate is stated [rad/s]."""
+START = 0.5
+"""Duration of the start where no other is stated [s]."""
+RISE = 0.01
+"""Time in which another drive's command may then go from 0 to its largest value [s]: a servo's goes `OFFSET` in it."""
 UNBOUNDED = 1e9
 """The same of another drive whose joint has no rated torque [A | V | N m]."""
 
@@ -43,10 +49,12 @@ class GuardSpec:
     Attributes:
         offset_limit: |q_d - q| of a position servo, |y| of other drives; one number or one a joint, > 0
             [rad | A | V | N m]. None: in a torque loop what each drive needs for its joint's rated torque at full
-            speed, elsewhere `OFFSET`.
+            speed, elsewhere `OFFSET` for servos and no limit for other drives.
         rate_limit: Of the command, likewise, > 0 [1/s]. At least what the joint itself can do, or the command cannot
-            follow a joint that is pushed.
-        start_time: From the position at the first tick to the incoming command [s].
+            follow a joint that is pushed. None: `RATE` for servos, from 0 to the offset limit in `RISE` for other
+            drives.
+        start_time: From the position at the first tick (0 for other drives) to the incoming command [s]. None: `START`
+            with a servo; `RISE` where no drive is one, as joints without torque would fall meanwhile.
         start_rate: A servo's command is no faster than this until it has met the incoming one, at the start as after a
             fault, while which the reference may have gone on, > 0 [rad/s]. Other drives take `rate_limit`.
         hold_time: How long the last safe command is held after a fault [s].
@@ -65,8 +73,8 @@ class GuardSpec:
     """
 
     offset_limit: float | tuple[float, ...] | None = None
-    rate_limit: float | tuple[float, ...] = 20.0
-    start_time: float = 0.5
+    rate_limit: float | tuple[float, ...] | None = None
+    start_time: float | None = None
     start_rate: float = 1.0
     hold_time: float = 0.1
     damp_time: float = 0.1
@@ -85,6 +93,16 @@ class GuardSpec:
                 raise ParamsError(
                     f"guard.{part.name}: expected finite numbers {bound}, got {getattr(self, part.name)!r}"
                 )
+
+    def time_to_start(self, servo: Collection[bool]) -> float:
+        """`start_time` of these drives [s].
+
+        Args:
+            servo: (n,) whether a drive is a position servo.
+        """
+        if self.start_time is not None:
+            return self.start_time
+        return START if any(servo) else RISE
 
 
 def rated_guard(
@@ -125,16 +143,23 @@ class GuardLaw:
         if len(flags) != size:
             raise ParamsError(f"servo: expected {size} flags, one a joint, got {len(flags)}")
         self._size = size
-        step = dt * self._spread("rate_limit", spec.rate_limit)
-        start_step = np.where(flags, np.minimum(step, dt * spec.start_rate), step)
-        widest = OFFSET if spec.offset_limit is None else spec.offset_limit
-        offset, servos = self._spread("offset_limit", widest), np.array(flags, dtype=np.float64)
-        self.limits: FloatArray = np.stack([offset, step, start_step, servos])
-        times = (spec.start_time, spec.hold_time, spec.damp_time, spec.damp_rate, spec.recover_time, spec.blend_time)
+        servos = np.array(flags)
+        widest = self._spread("offset_limit", spec.offset_limit, np.where(servos, OFFSET, UNBOUNDED))
+        step = dt * self._spread("rate_limit", spec.rate_limit, np.where(servos, RATE, widest / RISE))
+        start_step = np.where(servos, np.minimum(step, dt * spec.start_rate), step)
+        self.limits: FloatArray = np.stack([widest, step, start_step, servos.astype(np.float64)])
+        times = (
+            spec.time_to_start(flags),
+            spec.hold_time,
+            spec.damp_time,
+            spec.damp_rate,
+            spec.recover_time,
+            spec.blend_time,
+        )
         self._options = np.array([dt, *times])
 
-    def _spread(self, name: str, value: float | tuple[float, ...]) -> FloatArray:
-        array = np.asarray(value, dtype=np.float64)
+    def _spread(self, name: str, value: float | tuple[float, ...] | None, default: FloatArray) -> FloatArray:
+        array = default if value is None else np.asarray(value, dtype=np.float64)
         if array.shape not in ((), (self._size,)):
             raise ParamsError(f"guard.{name}: expected one number or {self._size}, got {array.size}")
         return np.full(self._size, array)

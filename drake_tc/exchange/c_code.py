@@ -404,7 +404,7 @@ def _guard(drives: Sequence[ActuatorModel], robot: Robot | None, spec: CSpec) ->
         "most": MOST,
         "untrusted": UNTRUSTED,
         "complete": COMPLETE,
-        "start_rate": 1.0 / max(guard.start_time, spec.dt),
+        "start_rate": 1.0 / max(guard.time_to_start(servo), spec.dt),
         "blend_rate": 1.0 / max(guard.blend_time, spec.dt),
         "recover": guard.recover_time - 0.5 * spec.dt,
         "hold": guard.hold_time + 0.5 * spec.dt,

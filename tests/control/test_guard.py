@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.testing import assert_allclose
 
-from drake_tc.control.guard import CommandGuard, GuardLaw, GuardMode, GuardSpec
+from drake_tc.control.guard import RATE, RISE, START, UNBOUNDED, CommandGuard, GuardLaw, GuardMode, GuardSpec
 from drake_tc.errors import ParamsError
 
 DT = 1e-3
@@ -273,3 +273,15 @@ def test_the_port_next_is_the_state_of_the_next_tick():
         y, mode = guard.tick(command, position, fault)
         assert np.array_equal(ahead[:2], y) and ahead[6] == mode
         assert np.array_equal(guard.context.get_discrete_state_vector().value(), ahead)
+
+
+def test_limits_of_drives_that_are_no_servos_do_not_depend_on_their_unit():
+    """The rate is from 0 to the largest command in `RISE`, and nothing is limited where nothing is known."""
+    spec = GuardSpec(offset_limit=(0.1, 300.0))
+    offset, step, start_step, _ = GuardLaw(2, DT, spec, (True, False)).limits
+    assert_allclose(offset, [0.1, 300.0])
+    assert_allclose(step, [RATE * DT, 300.0 / RISE * DT])
+    assert_allclose(start_step, [spec.start_rate * DT, 300.0 / RISE * DT])
+    assert GuardLaw(2, DT, GuardSpec(), (True, False)).limits[0, 1] == UNBOUNDED
+    assert GuardSpec().time_to_start((True, False)) == START
+    assert GuardSpec().time_to_start((False, False)) == RISE

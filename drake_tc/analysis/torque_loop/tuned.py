@@ -277,7 +277,7 @@ def design_tasks(design: LoopDesign, time: FloatArray, motion: FloatArray, begin
     given, _ = _efforts(design.models, torque, motion, spec.direction_speed, rotor=spec.acceleration != "none")
     row = int(np.searchsorted(time, begin - 1e-9))
     noise = _noise(sensor_suite(design.spec).encoder, n)
-    done = np.clip((time + design.spec.dt) / max(design.spec.guard.start_time, design.spec.dt), 0.0, 1.0)
+    done = np.clip((time + design.spec.dt) / max(design.spec.guard.time_to_start((True,)), design.spec.dt), 0.0, 1.0)
     share = 3.0 * done**2 - 2.0 * done**3  # as the guard blends
     tasks = []
     for i, joint in enumerate(robot.joints):

@@ -77,7 +77,8 @@ def tied_loops(design: LoopDesign, direction: float = 0.0) -> "JointLoops":
             velocity_from=spec.compensation.velocity,
             rotor_model=0.0 if spec.compensation.acceleration == "none" else model.inertia,
         )
-    return JointLoops(loops, known, moved)
+    chosen = [settings_of(model, loops[model.joint].inertia) for model in design.models]
+    return JointLoops(loops, chosen, known, moved)
 
 
 def _check_loop(spec: TorqueLoopSpec) -> None:
@@ -109,7 +110,10 @@ WINDOWS = (80, 60, 40, 30, 20, 10)
 SETTINGS = tuple(
     (k6, k7, kp) for k6 in (1.0, 0.5, 0.25, 0.1) for kp in (2.0, 1.0, 0.5, 0.2) for k7 in (0.0, 0.01, 0.02, 0.04)
 )
-"""(K6 [-], K7 [s], Kp [-]) from stiff to soft."""
+"""(K6 [-], K7 [s], Kp [-]) of position servos from stiff to soft."""
+FREQUENCIES = (100.0, 70.0, 50.0, 35.0, 25.0, 17.0, 12.0, 8.0, 5.5, 4.0)
+DAMPING_RATIOS = (0.7, 1.0)
+"""w [rad/s] and zeta [-] of joints whose drives have no stiffness of their own, from stiff to soft."""
 
 
 KEPT = 0.5
@@ -117,6 +121,28 @@ KEPT = 0.5
 ROUNDS = 4
 """In which joints that disturb each other get other settings."""
 Setting = tuple[float, float, float]
+
+
+def settings_of(model: ActuatorModel, inertia: float) -> tuple[Setting, ...]:
+    """(K6, K7, Kp) to choose from, from stiff to soft.
+
+    Of a position servo shares of its own stiffness. Other drives have none, and the error of a joint of inertia I obeys
+
+        eddot + 2 zeta w edot + w^2 e = 0,   K6 = K (1 + Kp) I w^2,   K7 = K (1 + Kp) I 2 zeta w
+
+    Args:
+        model: Of the drive, with K its gain.
+        inertia: I of joint and rotor [kg m^2].
+    """
+    if model.drive.kind == "position_servo":
+        return SETTINGS
+    return tuple(
+        (scale * w * w, scale * 2.0 * zeta * w, kp)
+        for w in FREQUENCIES
+        for kp in (2.0, 1.0, 0.5, 0.2)
+        for scale in (model.drive.gain * (1.0 + kp) * inertia,)
+        for zeta in DAMPING_RATIOS
+    )
 
 
 def is_sound(found: Margins | None) -> bool:
@@ -136,10 +162,12 @@ class JointLoops:
 
     Attributes:
         loops: Joint to its loop (`joint_loops`).
+        options: One a joint: `settings_of` its drive.
         known, moved: What the controller takes the links for, and what they are.
     """
 
     loops: Mapping[str, JointLoop]
+    options: Sequence[Sequence[Setting]]
     known: Coupling
     moved: Coupling
 
@@ -155,7 +183,7 @@ class JointLoops:
         return coupled_margins(loops, self.moved, self.known)
 
     def settings(self, window: int, kept: float = 0.0) -> tuple[list[Setting], list[bool]]:
-        """The stiffest of `SETTINGS` that leave every joint its margins with these filters, and whether they do.
+        """The stiffest of `options` that leave every joint its margins with these filters, and whether they do.
 
         Each joint begins with the stiffest that suffices while the others are at rest. Joints whose margins the closed
         loops of the others take then get, the worst first, the stiffest setting that restores them, or most of them,
@@ -166,8 +194,8 @@ class JointLoops:
             kept: Least share of the K6 with which a joint begins.
         """
         options, alone = [], []
-        for loop in self.loops.values():
-            found = [(s, quick_margins(with_values(loop, _values(s, window)))) for s in SETTINGS]
+        for loop, among in zip(self.loops.values(), self.options, strict=True):
+            found = [(s, quick_margins(with_values(loop, _values(s, window)))) for s in among]
             enough = [s for s, each in found if is_sound(each)]
             calm = min(found, key=lambda pair: math.inf if pair[1] is None else pair[1].sensitivity_peak)
             options.append([s for s in enough if s[0] >= kept * enough[0][0]] or [calm[0]])

@@ -17,7 +17,7 @@ from pydrake.systems.primitives import ConstantVectorSource
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.actuation.model_file import models_of_joints
 from drake_tc.control.gains import TorqueGains
-from drake_tc.control.guard import CommandGuard, GuardSpec
+from drake_tc.control.guard import CommandGuard, GuardSpec, rated_guard
 from drake_tc.control.torque_control import TorqueControl
 from drake_tc.errors import ParamsError
 from drake_tc.loops.loop_builder import behind, product
@@ -93,6 +93,7 @@ def control_drives(wiring: WholeBodyBuilder, readings: Readings, torque: OutputP
     )
     servo = tuple(model.drive.kind == "position_servo" for model in models)
     start = GuardSpec(start_time=spec.start_time, start_rate=2.0)
+    start = rated_guard(start, models, limits.effort, limits.velocity)
     command = wiring.output("torque_control", "command")
     wiring.add(
         "guard",

@@ -88,6 +88,42 @@ def test_default_gains_and_window_leave_every_joint_its_margins(arm, caplog):
     assert controller.GetSystems()
 
 
+def without_servo(robot, kind, gain):
+    """Drives of `gain` units of effort a newton metre, with little friction."""
+    kept = {"viscous": 0.1, "coulomb": 0.1, "rotor_inertia": 1.0}
+    return {
+        joint: ActuatorModel(
+            joint,
+            Drive(kind, gain),
+            tuple(
+                EffectValue(each.key, {name: kept[each.key] * value for name, value in each.parameters.items()})
+                for each in model.effects
+            ),
+        )
+        for joint, model in models_of(robot).items()
+    }
+
+
+@pytest.mark.parametrize(("kind", "gain"), [("torque", 1.0), ("current", 0.02), ("current", 20.0), ("voltage", 0.1)])
+def test_defaults_hold_an_arm_whose_drives_are_no_servos(arm, caplog, kind, gain):
+    """Whatever the unit of their effort: stiffness is from the joints' inertias, and the guard lets weights be held."""
+    models = without_servo(arm, kind, gain)
+    with caplog.at_level(logging.WARNING):
+        loop, diagram, log = built(arm, models)
+    assert caplog.text == ""
+    for joint, each in joint_loops(loop.design).items():
+        found = each.margins()
+        assert max(found.gain_margin, 1.0 / found.gain_margin) >= 2.0 * 0.999, joint
+        assert math.degrees(abs(found.phase_margin)) >= 39.9, joint
+    same = built(arm, without_servo(arm, kind, 7.0 * gain))[0].design.gains
+    assert_allclose(same.ks, loop.design.gains.ks, rtol=1e-9)  # rounding
+    simulator = Simulator(diagram)
+    simulator.AdvanceTo(1.0)
+    signals = log.recorded(simulator.get_context())[1]
+    assert np.abs(signals["joint_state"][:, :3] - arm.posture).max() < 0.05  # less than the arm falls in 0.1 s
+    assert signals["flags"].max() == 0.0
+
+
 @pytest.fixture(params=["parallel_axes", "gripper"])
 def tied(request, tmp_path):
     """Joints whose loops disturb each other, and a gripper one of whose fingers follows the other."""

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from sweeps import slow_but
 
-from drake_tc.control.guard import GuardMode
+from drake_tc.control.guard import RATE, GuardMode
 from drake_tc.errors import ParamsError
 from drake_tc.loops.torque.running import simulate_scenario
 from drake_tc.registry import diagram_entry
@@ -52,7 +52,7 @@ def test_a_failing_sensor_is_flagged_and_the_robot_stays_safe(name):
     assert np.abs(recording.velocity[after]).max() <= SPEED[situation]
     assert result.torque_share <= 0.5
     steps = np.abs(np.diff(recording["command"], axis=0))
-    assert steps.max() <= scenario(situation).guard.rate_limit * scenario(situation).dt * (1.0 + 1e-9)
+    assert steps.max() <= RATE * scenario(situation).dt * (1.0 + 1e-9)
     modes = set(recording["mode"][after, 0].astype(int).tolist())
     assert {GuardMode.HOLD, GuardMode.DAMP} <= modes
     if case.kind != "dropped_20ms":  # never taken up again, and at rest
