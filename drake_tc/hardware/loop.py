@@ -136,7 +136,7 @@ class RealTimeSpec(Checked):
 
     Attributes:
         guard: Limits of the last guard. None: those of `GuardSpec`, which are for position servos; other drives need
-            limits of their own.
+            an `offset_limit`.
         max_age: Readings that are older are missing [s].
         arm_time: How long readings must be complete, finite and within the joints' ranges before the first command
             goes out [s].
@@ -223,7 +223,7 @@ class RealTimeLoop:
             watch: Of the models of this controller; None: they are not watched.
 
         Raises:
-            ParamsError: drives that are no position servos without limits of their own, or something else than a
+            ParamsError: drives that are no position servos without an `offset_limit`, or something else than a
                 controller or a link.
         """
         if not isinstance(controller, Controller):
@@ -232,10 +232,11 @@ class RealTimeLoop:
             )
         self._spec = RealTimeSpec() if spec is None else spec
         joints = controller.controlled
-        if self._spec.guard is None and not all(joints.servo):
+        guard = GuardSpec() if self._spec.guard is None else self._spec.guard
+        if guard.offset_limit is None and not all(joints.servo):
             raise ParamsError(
                 "guard: expected limits [N m | A | V] for drives that are no position servos, got none:"
-                " RealTimeSpec(guard=GuardSpec(offset_limit=..., rate_limit=...))"
+                " RealTimeSpec(guard=GuardSpec(offset_limit=...))"
             )
         self._joints, self._n = joints, len(joints.joints)
         self._link, self._clock = whole_link(link), WallClock(self._spec.spin) if clock is None else clock
@@ -245,7 +246,7 @@ class RealTimeLoop:
         names = joints.flag_names
         self._not_finite = names.index(NOT_FINITE) if NOT_FINITE in names else None
         self._stepper = ControllerStepper(controller, joints.period, outputs)
-        self._guard = GuardLaw(self._n, joints.period, self._spec.guard or GuardSpec(), joints.servo)
+        self._guard = GuardLaw(self._n, joints.period, guard, joints.servo)
         servo = np.array(joints.servo)
         self._range = np.where(servo, joints.lower, -np.inf), np.where(servo, joints.upper, np.inf)
         self._ending: Ending | None = None

@@ -319,6 +319,12 @@ def test_torques_need_limits_of_their_own():
     law = load_law(ROBOT.parent / "hrp2_like_tsid.yaml")
     with pytest.raises(ParamsError, match="guard: expected limits"):
         RealTimeLoop(whole_body_controller(law), CallbackLink(dict, lambda command: None))
+    with pytest.raises(ParamsError, match="guard: expected limits"):  # of rates alone, torques would have none
+        RealTimeLoop(
+            whole_body_controller(law),
+            CallbackLink(dict, lambda command: None),
+            RealTimeSpec(guard=GuardSpec(rate_limit=5.0)),
+        )
     with pytest.raises(ParamsError, match="max_age: expected a number >= 0"):
         RealTimeSpec(max_age=-1.0)
 
