@@ -49,9 +49,7 @@ def _formula(found: re.Match[str]) -> str:
     file, text = io.StringIO(), " ".join((displayed or inline).split())
     with rc_context({"mathtext.fontset": "stix", "savefig.transparent": True, "svg.hashsalt": "formula"}):
         depth = math_to_image(f"${text}$", file, prop=FontProperties(size=12), dpi=72, format="svg")
-    drawn = re.sub(
-        r"<metadata>.*?</metadata>|<style.*?</style>|<!--.*?-->", "", file.getvalue().partition("<svg")[2], flags=re.S
-    )
+    drawn = LEFT_OUT.sub("", file.getvalue().partition("<svg")[2])
     shape = "display: block; margin: 1em 0" if displayed else f"vertical-align: {-depth:.2f}pt"
     return f'<svg class="formula" style="fill: currentColor; {shape}" {" ".join(drawn.split())}'
 

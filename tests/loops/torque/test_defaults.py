@@ -74,15 +74,20 @@ def radius(robot, models, spec, gains):
     return linearise(diagram, simulator.get_context(), loose.dt).spectral_radius
 
 
+def assert_margins(design):
+    """Every joint's loop alone has a gain margin of 2 and a phase margin of 40 degrees."""
+    for joint, each in joint_loops(design).items():
+        found = each.margins()
+        assert max(found.gain_margin, 1.0 / found.gain_margin) >= 2.0 * 0.999, joint
+        assert math.degrees(abs(found.phase_margin)) >= 39.9, joint
+
+
 def test_default_gains_and_window_leave_every_joint_its_margins(arm, caplog):
     models = models_of(arm)
     with caplog.at_level(logging.WARNING):
         loop, _, _ = built(arm, models)
     assert caplog.text == ""
-    for joint, each in joint_loops(loop.design).items():
-        found = each.margins()
-        assert max(found.gain_margin, 1.0 / found.gain_margin) >= 2.0 * 0.999, joint
-        assert math.degrees(abs(found.phase_margin)) >= 39.9, joint
+    assert_margins(loop.design)
     assert radius(arm, models, loop.design.spec, loop.design.gains) < 1.0 + 1e-9  # what is held has an eigenvalue of 1
     controller = torque_controller(arm, models)
     assert controller.GetSystems()
@@ -111,10 +116,7 @@ def test_defaults_hold_an_arm_whose_drives_are_no_servos(arm, caplog, kind, gain
     with caplog.at_level(logging.WARNING):
         loop, diagram, log = built(arm, models)
     assert caplog.text == ""
-    for joint, each in joint_loops(loop.design).items():
-        found = each.margins()
-        assert max(found.gain_margin, 1.0 / found.gain_margin) >= 2.0 * 0.999, joint
-        assert math.degrees(abs(found.phase_margin)) >= 39.9, joint
+    assert_margins(loop.design)
     same = built(arm, without_servo(arm, kind, 7.0 * gain))[0].design.gains
     assert_allclose(same.ks, loop.design.gains.ks, rtol=1e-9)  # rounding
     simulator = Simulator(diagram)
